@@ -21,7 +21,7 @@ class Motion {
   Motion(std::unique_ptr<StageProtocol> protocol, const char* unit)
       : protocol_(std::move(protocol)), dialogue_(protocol_->dialogue), unit_(unit) {
     const Dialogue::Turn turn(dialogue_);
-    info_ = protocol_->configure();
+    info_ = dialogue_.opening([this] { return protocol_->configure(); });
   }
   // A link that was lost is not opened again here, only to stop what cannot be reached.
   ~Motion() {
@@ -253,7 +253,9 @@ bool SilentStageProtocol::busy() {
   const auto answer = dialogue.next(clock().now());
   if (!answer && clock().now() < deadline_) return true;
   moving_ = false;
-  if (!answer) fail(DeviceErrorKind::timeout, "it was silent when its motion should have ended");
+  if (!answer)
+    fail(DeviceErrorKind::timeout,
+         dialogue.description() + ": it was silent when its motion should have ended");
   if (*answer != traits_.end) fail_for(*answer);
   unsure_ = false;
   return false;

@@ -20,6 +20,8 @@ class ByteLink {
  public:
   virtual ~ByteLink() = default;
   virtual const std::string& address() const = 0;  ///< as in the rig file
+  /// The address with the line's settings, for errors: "serial:/dev/ttyUSB0 at 9600 baud, 8N1".
+  virtual std::string description() const { return address(); }
   /// All of it, or DeviceError{timeout} where the far end takes no more, {lost}. Stopped, but only
   /// once it is on its way, so that a stopped task can still stop its instrument.
   virtual void write(std::span<const std::uint8_t> bytes, Time timeout) = 0;

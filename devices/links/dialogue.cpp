@@ -2,8 +2,6 @@
 #include "devices/links/dialogue.h"
 
 #include <algorithm>
-#include <array>
-#include <cstdio>
 #include <stdexcept>
 #include <utility>
 
@@ -15,6 +13,9 @@ constexpr Time kWriteTimeout = std::chrono::seconds(1);
 constexpr std::size_t kChunk = 256;
 /// To discard at once: a broken instrument may send without end.
 constexpr int kMostChunks = 256;
+/// For how long an opening that found silence listens on, to tell a slow instrument from a dead
+/// one.
+constexpr Time kLastListening = std::chrono::seconds(2);
 
 std::span<const std::uint8_t> bytes_of(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
@@ -22,8 +23,12 @@ std::span<const std::uint8_t> bytes_of(std::string_view text) {
 
 }  // namespace
 
-Dialogue::Dialogue(std::unique_ptr<ByteLink> link, std::string device, Clock& clock)
-    : link_(std::move(link)), device_(std::move(device)), clock_(clock) {
+Dialogue::Dialogue(std::unique_ptr<ByteLink> link, std::string device, Clock& clock,
+                   const std::string& part)
+    : link_(std::move(link)),
+      device_(std::move(device)),
+      part_(part.empty() ? "" : part + ": "),
+      clock_(clock) {
   if (!link_) throw std::invalid_argument("link: must not be null");
 }
 
@@ -40,7 +45,15 @@ Dialogue::Turn::~Turn() {
 }
 
 void Dialogue::fail(DeviceErrorKind kind, const std::string& what) const {
-  throw DeviceError(kind, device_, what);
+  throw DeviceError(kind, device_, part_ + what);
+}
+
+/// A late answer may explain this silence too: the instrument is slow.
+void Dialogue::fail_silent() {
+  history_.gave_up(clock_.now());
+  // Within an opening explain() says it.
+  const std::string late = opening_ ? "" : history_.lateness();
+  fail(DeviceErrorKind::timeout, silence() + (late.empty() ? "" : "; " + late));
 }
 
 /// Errors of the link are thrown again under the device's name; a lost link is noted.
@@ -51,22 +64,29 @@ auto Dialogue::guarded(const Work& work) {
     return work();
   } catch (const DeviceError& error) {
     lost_ = lost_ || error.kind == DeviceErrorKind::lost;
-    throw DeviceError(error.kind, device_, error.what());
+    fail(error.kind, renamed(error, device_).text);
   }
 }
 
 // The bytes are with the kernel when it returns; whether the instrument took them only an answer
 // shows.
-void Dialogue::send(std::span<const std::uint8_t> bytes) {
+// An answer that is owed may have come meanwhile: it is looked for before the next question, or it
+// would pass for the answer to that.
+void Dialogue::send(std::span<const std::uint8_t> bytes, std::string_view called) {
+  if (history_.owed()) fill(clock_.now());
   guarded([&] { link_->write(bytes, kWriteTimeout); });
+  history_.sent(bytes, called, clock_.now());
 }
-void Dialogue::send(std::string_view text) { send(bytes_of(text)); }
+void Dialogue::send(std::string_view text, std::string_view called) {
+  send(bytes_of(text), called);
+}
 
 /// Whether a byte is there by `deadline`; what has arrived is kept for next().
 bool Dialogue::fill(Time deadline) {
   if (!arrived_.empty()) return true;
   const Time left = std::max(deadline - clock_.now(), Time::zero());
   const ByteString bytes = guarded([&] { return link_->read(kChunk, left); });
+  history_.heard(bytes, clock_.now());
   arrived_.insert(arrived_.end(), bytes.begin(), bytes.end());
   return !arrived_.empty();
 }
@@ -83,10 +103,10 @@ ByteString Dialogue::take(std::size_t count, Time deadline) {
   ByteString bytes;
   while (bytes.size() < count) {
     const auto byte = next(deadline);
-    if (!byte && bytes.empty()) fail(DeviceErrorKind::timeout, "no answer in time");
+    if (!byte && bytes.empty()) fail_silent();
     if (!byte)
-      fail(DeviceErrorKind::timeout, "only " + std::to_string(bytes.size()) + " of " +
-                                         std::to_string(count) +
+      fail(DeviceErrorKind::timeout, description() + ": only " + std::to_string(bytes.size()) +
+                                         " of " + std::to_string(count) +
                                          " bytes came in time: " + printable(bytes));
     bytes.push_back(*byte);
   }
@@ -99,11 +119,12 @@ std::string Dialogue::line(char terminator, std::size_t most, Time deadline) {
     if (static_cast<char>(*byte) == terminator) return text;
     text.push_back(static_cast<char>(*byte));
     if (text.size() > most)
-      fail(DeviceErrorKind::protocol, "a reply without an end: " + printable(text));
+      fail(DeviceErrorKind::protocol,
+           description() + ": a reply without an end: " + printable(text));
   }
+  if (text.empty()) fail_silent();
   fail(DeviceErrorKind::timeout,
-       text.empty() ? "no answer in time"
-                    : "only the beginning of an answer came in time: " + printable(text));
+       description() + ": only the beginning of an answer came in time: " + printable(text));
 }
 
 // A deadline of now reads only what has arrived already.
@@ -115,6 +136,39 @@ void Dialogue::settle(Time silence) {
   const Time end = later(clock_.now(), 50 * silence);
   // Each byte begins the silence anew; the end bounds an instrument that never falls silent.
   while (clock_.now() < end && fill(later(clock_.now(), silence))) arrived_.clear();
+}
+
+/// What the bytes since the opening began say about an error of it; to be put behind its text.
+/// Empty where they say nothing.
+std::string Dialogue::cause() const {
+  const std::string looks = identified_ ? "" : history_.appearance();
+  if (!looks.empty()) return "; " + looks;
+  if (!history_.lateness().empty()) return "; " + history_.lateness() + ": is it slow?";
+  if (identified_) return "";
+  const bool serial = link_->address().starts_with("serial:");
+  if (!history_.silent_from_the_beginning())
+    return serial ? "; is this its cable, is the rate right?" : "";
+  if (serial) return ": is it on, is this its cable, is the rate right?";
+  return link_->address().starts_with("tcp:")
+             ? ": the connection stands, so is this its address and port?"
+             : "";
+}
+
+// Nothing is sent for it: a byte that one instrument ignores makes another one move or stop.
+void Dialogue::explain(const DeviceError& error) {
+  if (error.kind == DeviceErrorKind::lost || error.kind == DeviceErrorKind::out_of_range) throw;
+  if (error.kind == DeviceErrorKind::timeout && history_.silent()) {
+    try {
+      history_.gave_up(clock_.now());
+      fill(later(clock_.now(), kLastListening));
+    } catch (const DeviceError&) {  // the link went meanwhile: the silence is what is reported
+    }
+  }
+  std::string text = error.text;
+  const std::string& address = link_->address();
+  if (address != "emulated" && text.find(address) == std::string::npos)
+    text += "; its line is " + description();
+  throw DeviceError(error.kind, device_, text + cause());
 }
 
 // Only the link is opened: the driver configures the instrument anew, for it may have lost its
@@ -129,22 +183,5 @@ void Dialogue::reopen() {
     throw;
   }
 }
-
-// Replies in messages come from a device: control characters must not reach a terminal.
-std::string printable(std::span<const std::uint8_t> bytes) {
-  constexpr std::size_t kMost = 40;
-  std::string text;
-  for (const std::uint8_t byte : bytes.first(std::min(bytes.size(), kMost))) {
-    if (byte >= 0x20 && byte < 0x7F) {
-      text.push_back(static_cast<char>(byte));
-      continue;
-    }
-    std::array<char, 5> hex{};
-    std::snprintf(hex.data(), hex.size(), "\\x%02X", byte);
-    text += hex.data();
-  }
-  return bytes.size() > kMost ? text + "..." : text;
-}
-std::string printable(std::string_view text) { return printable(bytes_of(text)); }
 
 }  // namespace vitreo

@@ -4,6 +4,8 @@
 #pragma once
 
 #include "devices/links/byte_link.h"
+#include "devices/links/line_history.h"
+#include "devices/links/printable.h"
 #include "devices/time/error.h"
 
 #include <cstddef>
@@ -18,8 +20,26 @@ namespace vitreo {
 
 class Dialogue {
  public:
-  /// Throws std::invalid_argument for no link.
-  Dialogue(std::unique_ptr<ByteLink> link, std::string device, Clock& clock);
+  /// `part` of the device that the link leads to, "channel 3"; empty: all of it. Throws
+  /// std::invalid_argument for no link.
+  Dialogue(std::unique_ptr<ByteLink> link, std::string device, Clock& clock,
+           const std::string& part = "");
+
+  /// Calls `configure`, which identifies an instrument and sets it up. An error of it is thrown
+  /// again with what the line's bytes say about its cause: silence, a late answer (it listens for
+  /// 2 s more where the last question had none), an echo, another known instrument.
+  template <class Configure>
+  auto opening(const Configure& configure) {
+    const Opening scope(*this);
+    try {
+      return configure();
+    } catch (const DeviceError& error) {
+      explain(error);
+    }
+  }
+  /// In `configure`: it is the instrument that is wanted, so no error of it asks what else is
+  /// there.
+  void identified() { identified_ = true; }
 
   /// Held during an exchange: another task waits for its turn, and a stop of this one waits until
   /// the exchange is over, so that no reply is left behind half-read. Keep it short.
@@ -35,8 +55,9 @@ class Dialogue {
     StopShield shield_;
   };
 
-  void send(std::span<const std::uint8_t> bytes);
-  void send(std::string_view text);
+  /// `called`: how errors name what is sent, "get position"; empty: by its bytes.
+  void send(std::span<const std::uint8_t> bytes, std::string_view called = {});
+  void send(std::string_view text, std::string_view called = {});
   /// The next byte, or nothing when none came by `deadline`.
   std::optional<std::uint8_t> next(Time deadline);
   /// Whether a byte has come by `deadline`; it stays for the next call.
@@ -60,24 +81,42 @@ class Dialogue {
 
   Clock& clock() const { return clock_; }
   const std::string& device() const { return device_; }
+  /// `serial:/dev/ttyUSB0 at 9600 baud, 8N1 says nothing to "*IDN?" within 0.5 s`: for the error of
+  /// an answer that did not come.
+  std::string silence() const { return description() + " " + history_.silence(clock_.now()); }
+  std::string description() const { return link_->description(); }
   [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const;
 
  private:
+  /// While `configure` goes on.
+  struct Opening {
+    explicit Opening(Dialogue& its) : dialogue(its) {
+      dialogue.opening_ = true;
+      dialogue.identified_ = false;
+      dialogue.history_.begin();
+    }
+    ~Opening() { dialogue.opening_ = false; }
+    Dialogue& dialogue;
+  };
+
   template <class Work>
   auto guarded(const Work& work);
   bool fill(Time deadline);
+  [[noreturn]] void fail_silent();
+  [[noreturn]] void explain(const DeviceError& error);
+  std::string cause() const;
 
   std::unique_ptr<ByteLink> link_;
   const std::string device_;
+  const std::string part_;  // "channel 3: "
   Clock& clock_;
   std::deque<std::uint8_t> arrived_;
+  LineHistory history_;
+  bool opening_ = false;
+  bool identified_ = false;
   bool lost_ = false;
   bool taken_ = false;
   Signal free_;
 };
-
-/// For errors: printable characters as they are, others as \xNN; cut at 40.
-std::string printable(std::span<const std::uint8_t> bytes);
-std::string printable(std::string_view text);
 
 }  // namespace vitreo

@@ -36,10 +36,16 @@ class Descriptor final : public OpenFile {
 // From a loss until reopen() there is no file, and every call throws DeviceError{lost}.
 class FileLink final : public ByteLink {
  public:
-  FileLink(std::string address, std::function<std::unique_ptr<OpenFile>()> open, Clock& clock)
-      : address_(std::move(address)), open_(std::move(open)), clock_(clock), file_(open_()) {}
+  FileLink(std::string address, std::string settings,
+           std::function<std::unique_ptr<OpenFile>()> open, Clock& clock)
+      : address_(std::move(address)),
+        settings_(std::move(settings)),
+        open_(std::move(open)),
+        clock_(clock),
+        file_(open_()) {}
 
   const std::string& address() const override { return address_; }
+  std::string description() const override { return address_ + settings_; }
 
   void write(std::span<const std::uint8_t> bytes, Time timeout) override {
     const Time deadline = later(clock_.now(), timeout);
@@ -115,6 +121,7 @@ class FileLink final : public ByteLink {
   }
 
   const std::string address_;
+  const std::string settings_;
   const std::function<std::unique_ptr<OpenFile>()> open_;
   Clock& clock_;
   std::unique_ptr<OpenFile> file_;  // null once it was lost
@@ -126,9 +133,10 @@ std::unique_ptr<OpenFile> own_descriptor(int handle) {
   return std::make_unique<Descriptor>(handle);
 }
 
-std::unique_ptr<ByteLink> file_link(std::string address,
+std::unique_ptr<ByteLink> file_link(std::string address, std::string settings,
                                     std::function<std::unique_ptr<OpenFile>()> open, Clock& clock) {
-  return std::make_unique<FileLink>(std::move(address), std::move(open), clock);
+  return std::make_unique<FileLink>(std::move(address), std::move(settings), std::move(open),
+                                    clock);
 }
 
 // MSG_NOSIGNAL exists for sockets alone; everything else is written to plainly.

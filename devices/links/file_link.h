@@ -24,8 +24,9 @@ class OpenFile {
 std::unique_ptr<OpenFile> own_descriptor(int handle);
 
 /// Opens with `open`, which throws DeviceError, here and at each reopen(). It waits on the clock in
-/// short slices: the clock must go at the pace of the wall clock.
-std::unique_ptr<ByteLink> file_link(std::string address,
+/// short slices: the clock must go at the pace of the wall clock. `settings` follows the address in
+/// its description, " at 9600 baud, 8N1"; empty where a line has none.
+std::unique_ptr<ByteLink> file_link(std::string address, std::string settings,
                                     std::function<std::unique_ptr<OpenFile>()> open, Clock& clock);
 
 /// As ::write, but a socket whose far end is gone gives EPIPE and no signal.

@@ -3,7 +3,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/links/dialogue.h"
 #include "devices/time/identity.h"
 
 #include <charconv>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/serial_link.h"
 
+#include <cerrno>
 #include <filesystem>
 #include <system_error>
 
@@ -21,10 +22,23 @@ bool has_sysfs_entry(const std::string& path) {
       std::filesystem::path("/sys/class/tty") / real.filename() / "device", none);
 }
 
+// A lack of rights is the user's to mend, and another owner's port is there.
+DeviceErrorKind kind_of_refusal(int system_error_number) {
+  return system_error_number == EACCES || system_error_number == EPERM ||
+                 system_error_number == EBUSY
+             ? DeviceErrorKind::refused
+             : DeviceErrorKind::not_found;
+}
+
+std::string to_string(const SerialSettings& settings) {
+  return std::to_string(settings.baud_rate) + " baud, 8N1" + (settings.rts_cts ? ", RTS/CTS" : "") +
+         (settings.xon_xoff ? ", XON/XOFF" : "");
+}
+
 std::unique_ptr<ByteLink> open_serial(const std::string& path, const SerialSettings& settings,
                                       Clock& clock) {
   return file_link(
-      "serial:" + path,
+      "serial:" + path, " at " + to_string(settings),
       [path, settings] {
         // Decided at each opening: libserialport refuses a pseudo-terminal, which has no sysfs
         // entry and no modem lines.

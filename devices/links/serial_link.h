@@ -5,6 +5,7 @@
 
 #include "devices/links/byte_link.h"
 #include "devices/links/file_link.h"
+#include "devices/time/error.h"
 
 #include <memory>
 #include <string>
@@ -18,6 +19,9 @@ struct SerialSettings {
   bool xon_xoff = false;  ///< software flow control: 0x11 and 0x13 never reach the driver then
 };
 
+/// "9600 baud, 8N1, XON/XOFF".
+std::string to_string(const SerialSettings& settings);
+
 /// `path` as in "serial:/dev/ttyUSB0". DTR and RTS are asserted. Throws DeviceError{not_found},
 /// {refused} when another program has it open or it does not take the settings.
 std::unique_ptr<ByteLink> open_serial(const std::string& path, const SerialSettings& settings,
@@ -25,6 +29,10 @@ std::unique_ptr<ByteLink> open_serial(const std::string& path, const SerialSetti
 
 /// Whether the kernel lists a device behind the terminal: libserialport takes no other.
 bool has_sysfs_entry(const std::string& path);
+
+/// Kind of the error of a port that the system does not open, by its errno: {refused} for a lack of
+/// rights and for another owner, {not_found} for all else.
+DeviceErrorKind kind_of_refusal(int system_error_number);
 
 std::unique_ptr<OpenFile> open_with_libserialport(const std::string& path,
                                                   const SerialSettings& settings);

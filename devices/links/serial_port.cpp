@@ -17,10 +17,11 @@ class Port final : public OpenFile {
   explicit Port(std::string path) : path_(std::move(path)) {
     check(sp_get_port_by_name(path_.c_str(), &port_), DeviceErrorKind::not_found, "no such port");
     if (sp_open(port_, SP_MODE_READ_WRITE) != SP_OK) {
+      const DeviceErrorKind kind = kind_of_refusal(sp_last_error_code());
       // The destructor does not run for a constructor that throws.
       const std::string what = why("does not open");
       sp_free_port(std::exchange(port_, nullptr));
-      throw DeviceError(DeviceErrorKind::not_found, "serial:" + path_, what);
+      throw DeviceError(kind, "serial:" + path_, what);
     }
   }
   ~Port() override {

@@ -111,7 +111,7 @@ std::unique_ptr<ByteLink> open_tcp(const std::string& host_and_port, Time timeou
   const HostAndPort to = split(host_and_port);
   const std::string address = "tcp:" + host_and_port;
   return file_link(
-      address, [=, &clock] { return connect(address, to, timeout, clock); }, clock);
+      address, "", [=, &clock] { return connect(address, to, timeout, clock); }, clock);
 }
 
 }  // namespace vitreo

@@ -18,12 +18,6 @@ namespace {
   throw DeviceError(kind, "serial:" + path, what);
 }
 
-// A lack of rights is the user's to mend; all else counts as a port that is not there.
-DeviceErrorKind kind_of_errno() {
-  return errno == EACCES || errno == EPERM || errno == EBUSY ? DeviceErrorKind::refused
-                                                             : DeviceErrorKind::not_found;
-}
-
 /// Raw bytes, 8N1: no echo, no translation of line ends, no signals. CLOCAL: no modem lines are
 /// waited for; HUPCL: DTR falls when the port is closed.
 void configure(int handle, const std::string& path, const SerialSettings& settings) {
@@ -54,7 +48,7 @@ std::unique_ptr<OpenFile> open_with_termios(const std::string& path,
   // O_NOCTTY: the port must not become this session's controlling terminal. O_NONBLOCK: opening
   // must not wait for a carrier.
   const int handle = ::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-  if (handle < 0) fail(kind_of_errno(), path, system_error());
+  if (handle < 0) fail(kind_of_refusal(errno), path, system_error());
   auto file = own_descriptor(handle);
   // Advisory, as in serial_port.cpp: the kernel itself lets any number of programs open a terminal.
   if (::flock(handle, LOCK_EX | LOCK_NB) != 0)

@@ -87,7 +87,7 @@ class Held {
       opening_ = false;
       // Another instrument came back: that error of ours is passed on as it is.
       if (error.kind == DeviceErrorKind::refused && error.device == settings_.name) throw;
-      fail(std::string("it was lost, and cannot be opened again: ") + error.what());
+      fail("it was lost, and cannot be opened again: " + renamed(error, settings_.name).text);
     } catch (...) {
       opening_ = false;
       throw;

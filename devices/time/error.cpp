@@ -27,6 +27,14 @@ const char* to_string(DeviceErrorKind kind) {
 DeviceError::DeviceError(DeviceErrorKind its_kind, std::string its_device, const std::string& what)
     : std::runtime_error(its_device + ": " + what + " (" + to_string(its_kind) + ")"),
       kind(its_kind),
-      device(std::move(its_device)) {}
+      device(std::move(its_device)),
+      text(what) {}
+
+// "coils: hid:09db:009c: is gone (lost)": the link's name goes in front, but not that of the role
+// itself a second time.
+DeviceError renamed(const DeviceError& error, const std::string& device) {
+  return {error.kind, device,
+          error.device == device ? error.text : error.device + ": " + error.text};
+}
 
 }  // namespace vitreo

@@ -23,6 +23,13 @@ class DeviceError : public std::runtime_error {
   DeviceError(DeviceErrorKind kind, std::string device, const std::string& what);
   const DeviceErrorKind kind;
   const std::string device;  ///< the role or address, as in the rig file
+  /// `what` as given: without the device and the kind, for an error that is thrown again under
+  /// another name or with more to say.
+  const std::string text;
 };
+
+/// The same error under the name that its device has in the rig; a link's own name stays in front
+/// of the text.
+DeviceError renamed(const DeviceError& error, const std::string& device);
 
 }  // namespace vitreo

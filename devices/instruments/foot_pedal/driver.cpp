@@ -34,7 +34,7 @@ class FootPedal final : public OperatorInput {
       }
     } catch (const DeviceError& error) {
       lost_ = true;  // its last state is void: it may come back released
-      throw DeviceError(error.kind, settings_.name, error.what());
+      throw renamed(error, settings_.name);
     }
     return state_;
   }

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <deque>
 #include <exception>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -36,11 +37,17 @@ std::string in_short(double number) {
 /// range of currents that may flow is known.
 class Supply {
  public:
+  /// `channel` counts from 1, as the rig file's addresses do.
   Supply(std::unique_ptr<ByteLink> link, int channel, const Settings& settings, Clock& clock)
       : settings_(settings),
-        channel_("channel " + std::to_string(channel) + ": "),
-        dialogue_(std::move(link), settings.name, clock) {}
+        channel_(channel),
+        dialogue_(std::move(link), settings.name, clock, "channel " + std::to_string(channel)) {}
 
+  /// For the first time; `explain`: an error of it is looked into, which may take 2 s more.
+  void open(bool explain) {
+    if (!explain) return configure();
+    dialogue_.opening([this] { configure(); });
+  }
   void configure();
   void be_open();
   void send_current(double current);
@@ -50,11 +57,17 @@ class Supply {
   void zero() {
     expect_number("CURR 0;CURR?", 0);
     lately_.push_back({clock().now(), 0});
+    zero_ = Zero::confirmed;
   }
   void switch_off() { ask("OUTP OFF;OUTP?"); }
   const Identity& identity() const { return identity_; }
   bool lost() const { return dialogue_.lost(); }
   Dialogue& dialogue() { return dialogue_; }
+  int channel() const { return channel_; }
+  /// Whether it is known to be a BOP: nothing but *IDN? is sent to anything else.
+  bool known() const { return zero_ != Zero::none; }
+  bool has_confirmed_zero() const { return zero_ == Zero::confirmed; }
+  std::string zero_text() const;
 
  private:
   void send(const std::string& line);
@@ -69,17 +82,21 @@ class Supply {
   void fail_for(const scpi::Error& error);
   Clock& clock() const { return dialogue_.clock(); }
   [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
-    dialogue_.fail(kind, channel_ + what);
+    dialogue_.fail(kind, what);
   }
+
+  /// Since it was opened first: no zero was sent, one was tried, one was read back.
+  enum class Zero { none, tried, confirmed };
 
   struct Set {
     Time at;
     double current;
   };
   const Settings& settings_;
-  const std::string channel_;
+  const int channel_;
   Dialogue dialogue_;
   Identity identity_;
+  Zero zero_ = Zero::none;
   // An answer to an older question may still come.
   bool unsure_ = true;
   // What was set within the settling time, and the last before.
@@ -153,12 +170,15 @@ void Supply::configure() {
   if (!identity_.name.empty() && (who->name != identity_.name || who->serial != identity_.serial))
     fail(DeviceErrorKind::not_found,
          "it was a " + to_string(identity_) + ", and now there is a " + to_string(*who));
+  dialogue_.identified();
+  zero_ = Zero::tried;
   expect("*CLS;SYST:REM 1;SYST:REM?", "1");
   expect_number("CURR 0;CURR?", 0);
   // The zero once more: in voltage mode the one above was not the set point.
   const std::string mode = ask("FUNC:MODE CURR;FUNC:MODE?");
   if (mode != "1" && mode != "CURR") fail(DeviceErrorKind::refused, "it stays in voltage mode");
   expect_number("CURR 0;CURR?", 0);
+  zero_ = Zero::confirmed;
   expect_number(with_number("CURR:LIM", settings_.current_limit) + ";CURR:LIM?",
                 settings_.current_limit);
   expect_number(with_number("VOLT", settings_.voltage_limit) + ";VOLT?", settings_.voltage_limit);
@@ -173,6 +193,19 @@ void Supply::configure() {
   }
   identity_ = *who;
   lately_.push_back({clock().now(), 0});
+}
+
+/// What is known of its current after an opening that failed, and no more.
+std::string Supply::zero_text() const {
+  switch (zero_) {
+    case Zero::none:
+      return "no zero was sent to it, so a current that was set before may still flow";
+    case Zero::tried:
+      return "its zero was tried and is not confirmed, so a current may still flow";
+    case Zero::confirmed:
+      return "it has confirmed its zero";
+  }
+  return "";
 }
 
 /// After a lost link.
@@ -234,20 +267,14 @@ class Bops final : public CoilAmplifier {
       : settings_(settings), clock_(clock), currents_(links.size()) {
     for (auto& link : links)
       supplies_.push_back(std::make_unique<Supply>(
-          std::move(link), static_cast<int>(supplies_.size()), settings_, clock));
+          std::move(link), static_cast<int>(supplies_.size()) + 1, settings_, clock));
     const Dialogue::Turn turn(supplies_.front()->dialogue());
-    for (const auto& supply : supplies_) supply->configure();
+    open_all();
   }
   Bops(const Bops&) = delete;
   Bops& operator=(const Bops&) = delete;
   ~Bops() override {
     const StopShield shield(clock_);
-    const auto quietly = [](const auto& work) {
-      try {
-        work();
-      } catch (...) {  // a destructor cannot report it; the other supplies still get their zero
-      }
-    };
     // Lost supplies are not opened again here: what they still hold is the guardian's.
     quietly([this] { zero_all(false); });
     for (const auto& supply : supplies_) quietly([&] { supply->switch_off(); });
@@ -272,6 +299,16 @@ class Bops final : public CoilAmplifier {
   }
 
  private:
+  /// For what has no caller to report to: the other supplies still get their zero.
+  template <class Work>
+  static void quietly(const Work& work) {
+    try {
+      work();
+    } catch (...) {
+    }
+  }
+  void open_all();
+  [[noreturn]] void give_up(const Supply& first, const DeviceError& failure);
   void check(std::span<const double> currents) const;
   void step(const std::vector<double>& currents);
   void zero_all(bool open_lost);
@@ -282,6 +319,42 @@ class Bops final : public CoilAmplifier {
   std::vector<double> currents_;  // A, as last set
 };
 
+/// Each supply is opened whatever became of the others: its zero comes first, and must not depend
+/// on another one. The first error counts.
+void Bops::open_all() {
+  const Supply* first = nullptr;
+  std::optional<DeviceError> failure;
+  for (const auto& supply : supplies_) {
+    try {
+      supply->open(!failure);
+    } catch (const DeviceError& error) {
+      if (failure) continue;
+      first = supply.get();
+      failure.emplace(error);
+    }
+  }
+  if (failure) give_up(*first, *failure);
+}
+
+/// No supply stays energized; the error says which ones have confirmed that no current is set.
+void Bops::give_up(const Supply& first, const DeviceError& failure) {
+  for (const auto& supply : supplies_) {
+    if (!supply->known()) continue;
+    quietly([&] { supply->zero(); });
+    quietly([&] { supply->switch_off(); });
+  }
+  std::string text = failure.text + "; " + first.zero_text(), unconfirmed;
+  std::size_t others = 0;
+  for (const auto& supply : supplies_) {
+    if (supply.get() == &first || supply->has_confirmed_zero()) continue;
+    unconfirmed += (others++ == 0 ? "" : ", ") + std::to_string(supply->channel());
+  }
+  if (others > 0) text += "; nor is the zero of channel " + unconfirmed + " confirmed";
+  if (supplies_.size() > others + 1)
+    text += others > 0 ? "; every other one is" : "; every other channel has confirmed its zero";
+  throw DeviceError(failure.kind, failure.device, text);
+}
+
 /// Before anything is sent: a refused set-point changes no channel.
 /// Mistakes of the caller first, then the limit, each over all channels.
 void Bops::check(std::span<const double> currents) const {
@@ -291,12 +364,12 @@ void Bops::check(std::span<const double> currents) const {
                                 std::to_string(currents.size()));
   for (std::size_t i = 0; i < currents.size(); ++i)
     if (!std::isfinite(currents[i]))
-      throw std::invalid_argument("currents: channel " + std::to_string(i) +
+      throw std::invalid_argument("currents: channel " + std::to_string(i + 1) +
                                   " is not a finite number");
   for (std::size_t i = 0; i < currents.size(); ++i)
     if (std::abs(currents[i]) > settings_.current_limit)
       throw DeviceError(DeviceErrorKind::refused, settings_.name,
-                        in_short(currents[i]) + " A on channel " + std::to_string(i) +
+                        in_short(currents[i]) + " A on channel " + std::to_string(i + 1) +
                             " is beyond the limit of " + in_short(settings_.current_limit) + " A");
 }
 

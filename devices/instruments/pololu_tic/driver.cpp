@@ -164,7 +164,7 @@ auto Tic::on_link(Work work) const {
   try {
     return work();
   } catch (const DeviceError& error) {
-    throw DeviceError(error.kind, settings_.name, error.what());
+    throw renamed(error, settings_.name);
   }
 }
 

@@ -24,7 +24,7 @@ class Probe final : public FieldProbe {
   Probe(std::unique_ptr<ByteLink> link, const Settings& settings, Clock& clock)
       : settings_(settings), dialogue_(std::move(link), settings.name, clock) {
     const Dialogue::Turn turn(dialogue_);
-    info_ = {configure(), settings.axes, settings.range};
+    info_ = {dialogue_.opening([this] { return configure(); }), settings.axes, settings.range};
   }
   const FieldProbeInfo& info() const override { return info_; }
   FieldReading measure(Time timeout) override;
@@ -71,6 +71,7 @@ Identity Probe::configure() {
     dialogue_.fail(DeviceErrorKind::not_found,
                    "this is no " + (settings_.model.empty() ? "probe" : settings_.model) + ": " +
                        printable(said));
+  dialogue_.identified();
   dialogue_.send(std::string_view("*CLS\n"));
   for (const std::string& line : scpi::parts(settings_.setup, '|'))
     if (!line.empty()) dialogue_.send(line + "\n");

@@ -38,7 +38,7 @@ class SpaceMouse final : public OperatorInput {
       }
     } catch (const DeviceError& error) {
       lost_ = true;
-      throw DeviceError(error.kind, settings_.name, error.what());
+      throw renamed(error, settings_.name);
     }
     if (clock_.now() - moved_ > from_seconds(settings_.watchdog))
       state_.translation = state_.rotation = {0, 0, 0};

@@ -85,7 +85,7 @@ void Mp285::send(const Command& command) {
   clock().sleep_for(kBetween);
   dialogue.discard();
   unsure_ = true;
-  dialogue.send(encode(command));
+  dialogue.send(encode(command), name_of(command));
 }
 
 /// The CR that acknowledges a command; an error comes in its place.
@@ -135,7 +135,7 @@ Status Mp285::status() { return *decode_status(block(GetStatus{}, kStatusSize));
 /// send is read.
 void Mp285::resynchronize() {
   unsure_ = false;
-  dialogue.send(encode(Interrupt{}));
+  dialogue.send(encode(Interrupt{}), name_of(Interrupt{}));
   dialogue.settle(2 * kSilence);
   moving_ = false;
 }
@@ -164,11 +164,12 @@ StageInfo Mp285::configure() {
     first = status();
   } catch (const DeviceError& error) {
     if (error.kind == DeviceErrorKind::lost || error.kind == DeviceErrorKind::timeout) throw;
-    fail(DeviceErrorKind::not_found, std::string("this is no MP-285: ") + error.what());
+    fail(DeviceErrorKind::not_found, "this is no MP-285: " + error.text);
   }
   if (first.velocity.speed != kHandshake || !first.velocity.fine || first.usteps_per_um != 25)
     fail(DeviceErrorKind::not_found,
          "this is no MP-285: its status does not give back what it was told");
+  dialogue.identified();
   // Before anything can move: in relative mode a target would be added to the position.
   send(Absolute{});
   expect_end(reply_deadline());

@@ -100,6 +100,15 @@ struct Encoder {
 
 inline ByteString encode(const Command& command) { return std::visit(detail::Encoder{}, command); }
 
+/// As errors name it.
+inline const char* name_of(const Command& command) {
+  constexpr std::array kNames{"get position", "move",          "set velocity",
+                              "set origin",   "absolute mode", "relative mode",
+                              "refresh",      "get status",    "interrupt"};
+  static_assert(kNames.size() == std::variant_size_v<Command>);
+  return kNames[command.index()];
+}
+
 /// How many bytes the command has that begins with `letter`; 0 when there is none.
 inline std::size_t size_of(std::uint8_t letter) {
   if (letter == 'm') return 2 + kPositionSize;

@@ -80,10 +80,10 @@ void Mpc200::send(const Command& command) {
   dialogue.discard();
   unsure_ = true;
   const ByteString bytes = encode(command);
-  if (!std::holds_alternative<StraightMove>(command)) return dialogue.send(bytes);
-  dialogue.send(std::span(bytes).first(1));
+  if (!std::holds_alternative<StraightMove>(command)) return dialogue.send(bytes, name_of(command));
+  dialogue.send(std::span(bytes).first(1), name_of(command));
   clock().sleep_for(std::chrono::milliseconds(kStraightPause_ms + 5));
-  dialogue.send(std::span(bytes).subspan(1));
+  dialogue.send(std::span(bytes).subspan(1), name_of(command));
 }
 
 /// `size` bytes and a CR; the mark 'I' of an interrupted motion may stand before them. No reply
@@ -130,7 +130,7 @@ Usteps Mpc200::where() {
 void Mpc200::resynchronize() {
   unsure_ = false;
   moving_ = false;
-  dialogue.send(encode(Interrupt{}));
+  dialogue.send(encode(Interrupt{}), name_of(Interrupt{}));
   dialogue.settle(kSilence);
 }
 
@@ -142,10 +142,11 @@ StageInfo Mpc200::configure() {
     is = decode_drive(ask(GetDrive{}, kDriveSize));
   } catch (const DeviceError& error) {
     if (error.kind != DeviceErrorKind::protocol) throw;
-    fail(DeviceErrorKind::not_found, std::string("this is no MPC-200: ") + error.what());
+    fail(DeviceErrorKind::not_found, "this is no MPC-200: " + error.text);
   }
   if (!is)
     fail(DeviceErrorKind::not_found, "this is no MPC-200: it names no drive and no firmware");
+  dialogue.identified();
   const auto connected = decode_drives(ask(GetDrives{}, kDrivesSize));
   if (!connected || !(*connected)[static_cast<std::size_t>(settings_.drive - 1)])
     fail(DeviceErrorKind::not_found,

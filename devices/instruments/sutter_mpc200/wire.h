@@ -62,6 +62,13 @@ struct Calibrate {};  // to the beginning of its travel, which becomes 0
 struct Interrupt {};
 using Command = std::variant<GetDrive, GetDrives, SelectDrive, GetPosition, FastMove, StraightMove,
                              Calibrate, Interrupt>;
+/// As errors name it.
+inline const char* name_of(const Command& command) {
+  constexpr std::array kNames{"get drive",          "get drives",    "select drive", "get position",
+                              "move at full speed", "move straight", "calibrate",    "interrupt"};
+  static_assert(kNames.size() == std::variant_size_v<Command>);
+  return kNames[command.index()];
+}
 
 namespace detail {
 inline void put(ByteString& to, const Usteps& position) {

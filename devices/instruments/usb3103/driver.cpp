@@ -20,11 +20,6 @@ constexpr double kFullScale = 10;
 /// How many reports that are not the answer may come before it.
 constexpr int kForeignReports = 32;
 
-/// The error of a link, under the device's name in the rig.
-DeviceError renamed(const DeviceError& error, const std::string& name) {
-  return {error.kind, name, error.what()};
-}
-
 std::string in_short(double number) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%g", number);
@@ -33,22 +28,13 @@ std::string in_short(double number) {
 
 class Usb3103 final : public CoilAmplifier {
  public:
-  // Outputs to 0 V and amplifiers off come first, whatever else fails; then what lets all coils
-  // step together and exactly.
   Usb3103(std::unique_ptr<HidLink> link, const Settings& settings, Clock& clock)
       : link_(std::move(link)), settings_(settings), clock_(clock) {
-    check_identity();
-    // First of all, for it may still hold the voltages of a host that died: AOutConfig sets the
-    // channel to 0 V in its new range.
-    for (int channel = 0; channel < kChannels; ++channel)
-      send(AnalogOutConfig{static_cast<std::uint8_t>(channel), Range::plus_minus_10_v});
-    if (settings_.enable_line) {
-      set_enabled(false);
-      send(DigitalConfig{static_cast<std::uint8_t>(*settings_.enable_line), false});
+    try {
+      configure();
+    } catch (const DeviceError& error) {
+      fail(error.kind, error.text + "; " + zero_text());
     }
-    become_master();
-    read_calibration();
-    make_safe();
   }
   Usb3103(const Usb3103&) = delete;
   Usb3103& operator=(const Usb3103&) = delete;
@@ -72,6 +58,8 @@ class Usb3103 final : public CoilAmplifier {
   void make_safe() override;
 
  private:
+  void configure();
+  std::string zero_text() const;
   void check_identity();
   void become_master();
   void read_calibration();
@@ -95,7 +83,35 @@ class Usb3103 final : public CoilAmplifier {
   std::array<Calibration, kChannels> calibration_{};
   std::array<double, kChannels> currents_{};  // A
   bool enabled_ = false;
+  int zeroed_ = 0;  // outputs to which a zero was written when it was opened
 };
+
+/// Outputs to 0 V and amplifiers off come first, whatever else fails; then what lets all coils step
+/// together and exactly.
+void Usb3103::configure() {
+  check_identity();
+  // First of all, for it may still hold the voltages of a host that died: AOutConfig sets the
+  // channel to 0 V in its new range.
+  for (; zeroed_ < kChannels; ++zeroed_)
+    send(AnalogOutConfig{static_cast<std::uint8_t>(zeroed_), Range::plus_minus_10_v});
+  if (settings_.enable_line) {
+    set_enabled(false);
+    send(DigitalConfig{static_cast<std::uint8_t>(*settings_.enable_line), false});
+  }
+  become_master();
+  read_calibration();
+  make_safe();
+}
+
+/// What is known of its outputs after an opening that failed, and no more.
+std::string Usb3103::zero_text() const {
+  if (zeroed_ == 0)
+    return "no zero was sent to its outputs, so a current that was set before may still flow";
+  if (zeroed_ < kChannels)
+    return "a zero was sent to " + std::to_string(zeroed_) +
+           " of its 8 outputs, so a current may still flow";
+  return "zeros were sent to its outputs, and it has no read-back to confirm them";
+}
 
 void Usb3103::send(const Command& command) {
   try {
@@ -146,7 +162,7 @@ void Usb3103::check_identity() {
     ask_status();
   } catch (const DeviceError& error) {
     if (error.kind != DeviceErrorKind::protocol) throw;
-    fail(DeviceErrorKind::not_found, std::string("this is no USB-3103: ") + error.what());
+    fail(DeviceErrorKind::not_found, "this is no USB-3103: " + error.text);
   }
 }
 

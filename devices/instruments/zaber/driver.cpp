@@ -56,7 +56,12 @@ class Chain final : public StageProtocol {
   Message ask(const Axis& axis, const std::string& data) {
     return ask(axis.settings.device, axis.settings.axis, data);
   }
-  std::optional<Message> answer(int device, int axis, int id, std::string& garbage);
+  /// What came in an answer's place.
+  struct Others {
+    std::string unreadable;  // as printable() has it
+    bool earlier = false;    // replies to earlier commands
+  };
+  std::optional<Message> answer(int device, int axis, int id, Others& others);
   double number(const Axis& axis, const std::string& setting);
   void set_and_check(int device, int axis, const std::string& setting, std::int64_t value);
   Identity identify(const AxisSettings& axis);
@@ -76,8 +81,8 @@ std::string which(const Axis& axis) { return "axis " + axis.settings.name + ": "
 
 /// The reply to the command `id`, or nothing in time. Skipped are replies to other commands (an
 /// answer that came too late), informations, alerts, and lines that cannot be read, of which the
-/// last is left in `garbage`.
-std::optional<Message> Chain::answer(int device, int axis, int id, std::string& garbage) {
+/// last is left in `others`.
+std::optional<Message> Chain::answer(int device, int axis, int id, Others& others) {
   const Time deadline = later(clock().now(), from_seconds(settings_.reply_timeout));
   for (;;) {
     std::string line;
@@ -85,35 +90,38 @@ std::optional<Message> Chain::answer(int device, int axis, int id, std::string& 
       line = dialogue.line('\n', kMaxPacket, deadline);
     } catch (const DeviceError& error) {
       if (error.kind == DeviceErrorKind::lost) throw;
-      if (error.kind == DeviceErrorKind::protocol) garbage = error.what();
+      if (error.kind == DeviceErrorKind::protocol) others.unreadable = error.text;
       return std::nullopt;
     }
     const auto message = decode_message(line);
     if (!message || (checksums_ && !message->checked)) {
-      garbage = line;
+      others.unreadable = printable(line);
       continue;
     }
-    if (message->kind == Kind::reply && message->device == device && message->axis == axis &&
-        message->id == id)
-      return message;
+    if (message->kind != Kind::reply || message->device != device || message->axis != axis)
+      continue;
+    if (message->id == id) return message;
+    others.earlier = true;
   }
 }
 
 /// One exchange. Asking again is safe for all that is asked here: every target is absolute.
 /// A refusal by AGAIN means that the device is busy with something else for a moment.
 Message Chain::ask(int device, int axis, const std::string& data) {
-  std::string garbage;
+  Others others;
   for (int i = 1;; ++i) {
     // A new id for each attempt, so that a late answer to the first is not taken for that of the
     // second.
     id_ = (id_ + 1) % kIds;
-    dialogue.send(encode(Command{device, axis, id_, data}));
-    const auto reply = answer(device, axis, id_, garbage);
+    dialogue.send(encode(Command{device, axis, id_, data}), data);
+    const auto reply = answer(device, axis, id_, others);
     if (!reply && i < kTries) continue;
-    if (!reply && !garbage.empty())
-      fail(DeviceErrorKind::protocol, "what it says cannot be read: " + printable(garbage));
+    if (!reply && !others.unreadable.empty())
+      fail(DeviceErrorKind::protocol, "what it says cannot be read: " + others.unreadable);
     if (!reply)
-      fail(DeviceErrorKind::timeout, "device " + std::to_string(device) + " does not answer");
+      fail(DeviceErrorKind::timeout,
+           "device " + std::to_string(device) + ": " + dialogue.silence() +
+               (others.earlier ? "; it answers earlier commands only: is it slow?" : ""));
     if (reply->accepted) return *reply;
     if (reply->data == "AGAIN" && i < kTries) {
       clock().sleep_for(kAgain);
@@ -177,12 +185,13 @@ Identity Chain::identify(const AxisSettings& axis) {
     version = text("version");
   } catch (const DeviceError& error) {
     if (error.kind != DeviceErrorKind::protocol && error.kind != DeviceErrorKind::refused) throw;
-    fail(DeviceErrorKind::not_found, "there is no Zaber device " + device + ": " + error.what());
+    fail(DeviceErrorKind::not_found, "there is no Zaber device " + device + ": " + error.text);
   }
   const auto firmware = decode_numbers(version);
   if (!firmware || firmware->size() != 1)
     fail(DeviceErrorKind::not_found,
          "there is no Zaber device " + device + ": its version is " + printable(version));
+  dialogue.identified();
   if (firmware->front() < 6.06)
     fail(DeviceErrorKind::not_found,
          "firmware " + version + " is too old; 6.06 is the first that numbers its replies");

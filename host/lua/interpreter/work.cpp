@@ -32,14 +32,9 @@ std::string reading_of(const WaitInfo& about) {
 
 /// The device's own words, and what only the caller knows.
 std::exception_ptr with_details(const DeviceError& error, const WaitInfo& about, double elapsed) {
-  std::string said = error.what();
-  const std::string head = error.device + ": ",
-                    tail = std::string(" (") + to_string(error.kind) + ")";
-  if (said.starts_with(head)) said.erase(0, head.size());
-  if (said.ends_with(tail)) said.erase(said.size() - tail.size());
   return std::make_exception_ptr(
       DeviceError(error.kind, error.device,
-                  said + "; " + waited_text(about.target, reading_of(about), elapsed)));
+                  error.text + "; " + waited_text(about.target, reading_of(about), elapsed)));
 }
 
 void run_job(Job& job, Clock& clock, const std::function<void()>& blocking, const WaitInfo& about) {

@@ -183,7 +183,7 @@ TEST_F(Kepco, NoticesACurrentThatDoesNotFlow) {
   coils->set_currents(Currents{4});
   clock->sleep_for(1s);
   EXPECT_EQ(
-      kind_of([&] { coils->set_currents(Currents{4}); }, "channel 0: 2 A flow where 4 A were set"),
+      kind_of([&] { coils->set_currents(Currents{4}); }, "channel 1: 2 A flow where 4 A were set"),
       DeviceErrorKind::refused);
 }
 
@@ -246,7 +246,7 @@ TEST_F(Kepco, RecoversAfterALateShortOrGarbledAnswer) {
   EXPECT_EQ(kind_of([&] { coils->set_currents(Currents(8, 1.)); }), DeviceErrorKind::timeout);
   cables[2]->keep = -1;
   cables[2]->garble = 2;  // behind the CR LF that answers its ESC
-  EXPECT_EQ(kind_of([&] { coils->set_currents(Currents(8, 1.)); }, "channel 2"),
+  EXPECT_EQ(kind_of([&] { coils->set_currents(Currents(8, 1.)); }, "channel 3"),
             DeviceErrorKind::protocol);
   cables[2]->garble = -1;
   EXPECT_NO_THROW(coils->set_currents(Currents(8, 1.)));

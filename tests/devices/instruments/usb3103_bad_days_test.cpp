@@ -35,6 +35,30 @@ TEST_F(Usb3103BadDay, FindsNoUsb3103BehindForeignAnswers) {
   EXPECT_EQ(kind_of([&] { open_on(bench); }), DeviceErrorKind::not_found);
 }
 
+TEST_F(Usb3103BadDay, SaysOfAnOpeningThatFailedWhichZerosWereSentAndThatNoneIsConfirmed) {
+  const auto said = [&] {
+    try {
+      open_on(bench);
+    } catch (const DeviceError& error) {
+      return std::string(error.what());
+    }
+    return std::string("no error");
+  };
+  cable.writes_left = 0;
+  EXPECT_EQ(said(),
+            "coils: hid:09db:009c: no such device; no zero was sent to its outputs, so a current "
+            "that was set before may still flow (lost)");
+  cable.writes_left = 1 + 3;  // the question for its status, and three zeros
+  EXPECT_EQ(said(),
+            "coils: hid:09db:009c: no such device; a zero was sent to 3 of its 8 outputs, so a "
+            "current may still flow (lost)");
+  cable.writes_left = -1;
+  bench.answer_with(kMemoryRead, {{0x30, 0, 0, 0x80}});
+  EXPECT_EQ(said(),
+            "coils: its calibration is cut short; zeros were sent to its outputs, and it has no "
+            "read-back to confirm them (protocol)");
+}
+
 TEST_F(Usb3103BadDay, PassesOverForeignAnswersBeforeTheRightOne) {
   bench.answer_with(kGetStatus, {{0x03, 1}, {}, {0x44, 1}});
   const auto coils = open_on(bench);

@@ -47,13 +47,65 @@ TEST_F(DialogueTest, TakesALineAndLeavesTheNextOne) {
 }
 
 TEST_F(DialogueTest, SaysHowMuchOfAReplyCame) {
-  EXPECT_EQ(kind_of([&] { dialogue.take(3, in(1s)); }, "no answer"), DeviceErrorKind::timeout);
+  EXPECT_EQ(kind_of([&] { dialogue.take(3, in(1s)); }, "says nothing"), DeviceErrorKind::timeout);
   EXPECT_EQ(clock->now(), 1s);
   dialogue.send("ab");
   EXPECT_EQ(kind_of([&] { dialogue.take(3, in(1s)); }, "only 2 of 3 bytes came in time: ab"),
             DeviceErrorKind::timeout);
   dialogue.send("ab\x01");
   EXPECT_EQ(kind_of([&] { dialogue.line('\n', 80, in(1s)); }, "ab\\x01"), DeviceErrorKind::timeout);
+}
+
+TEST_F(DialogueTest, NamesTheQuestionThatHasNoAnswerAndItsOwnNameForIt) {
+  faults.silent = true;
+  dialogue.send("*IDN?\n");
+  EXPECT_EQ(kind_of([&] { dialogue.line('\n', 80, in(500ms)); },
+                    "focus: emulated says nothing to \"*IDN?\" within 0.5 s (timeout)"),
+            DeviceErrorKind::timeout);
+  dialogue.send("c\r", "get position");
+  EXPECT_EQ(kind_of([&] { dialogue.take(13, in(2s)); },
+                    "emulated says nothing to \"get position\" within 2 s (timeout)"),
+            DeviceErrorKind::timeout);
+}
+
+TEST_F(DialogueTest, SaysInTheNextErrorThatTheLastAnswerCameLate) {
+  faults.late = 800ms;
+  dialogue.send("c\r", "get position");
+  EXPECT_EQ(kind_of([&] { dialogue.take(2, in(500ms)); }, "within 0.5 s (timeout)"),
+            DeviceErrorKind::timeout);
+  clock->sleep_for(500ms);
+  faults = {.silent = true};
+  dialogue.send("s\r", "get status");
+  dialogue.discard();
+  EXPECT_EQ(kind_of([&] { dialogue.take(2, in(500ms)); },
+                    "says nothing to \"get status\" within 0.5 s; \"c\\x0D\" came within 1 s of "
+                    "\"get position\", and not within 0.5 s (timeout)"),
+            DeviceErrorKind::timeout);
+  // An answer in time ends that.
+  faults = {};
+  dialogue.send("s\r");
+  EXPECT_EQ(dialogue.take(2, in(500ms)), bytes("s\r"));
+  faults.silent = true;
+  dialogue.send("s\r");
+  EXPECT_EQ(kind_of([&] { dialogue.take(2, in(500ms)); }, "to \"s\" within 0.5 s (timeout)"),
+            DeviceErrorKind::timeout);
+}
+
+TEST_F(DialogueTest, SaysWhatCameInPlaceOfTheRestOfAnAnswer) {
+  dialogue.send("\r\n");
+  EXPECT_EQ(dialogue.line('\n', 80, in(1s)), "\r");
+  EXPECT_EQ(kind_of([&] { dialogue.line('\n', 80, in(1s)); },
+                    "says \"\\x0D\\x0A\" to \"\" and no more within"),
+            DeviceErrorKind::timeout);
+}
+
+TEST_F(DialogueTest, NamesThePartOfItsDeviceInEveryError) {
+  Dialogue part(memory_byte_link(peer, *clock, {}, &faults), "focus", *clock, "channel 3");
+  faults.unplugged = true;
+  EXPECT_EQ(kind_of([&] { part.send("a"); }, "focus: channel 3: emulated: is gone (lost)"),
+            DeviceErrorKind::lost);
+  EXPECT_EQ(kind_of([&] { part.send("a"); }, "focus: channel 3: emulated was lost (lost)"),
+            DeviceErrorKind::lost);
 }
 
 TEST_F(DialogueTest, EndsALineThatHasNoEnd) {

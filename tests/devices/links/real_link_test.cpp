@@ -132,6 +132,15 @@ TEST_F(RealLink, SetsABaudRateThatHasNoName) {
   EXPECT_EQ(take(*link, 1), bytes("x"));
 }
 
+TEST_F(RealLink, DescribesItselfByItsAddressAndItsSettings) {
+  RealEnd port(peer, open_pty_end()), socket(peer, open_tcp_end());
+  const auto serial =
+      open_byte_link(port.address(), {.baud_rate = 19200, .xon_xoff = true}, *clock);
+  EXPECT_EQ(serial->description(), port.address() + " at 19200 baud, 8N1, XON/XOFF");
+  EXPECT_EQ(open(socket.address())->description(), socket.address());
+  EXPECT_EQ(to_string(SerialSettings{.rts_cts = true}), "9600 baud, 8N1, RTS/CTS");
+}
+
 TEST_F(RealLink, FindsNothingWhereNothingIs) {
   EXPECT_EQ(kind_of([&] { open("serial:/dev/no_such_port"); }), DeviceErrorKind::not_found);
   EXPECT_EQ(kind_of([&] { open("serial:/dev/null"); }), DeviceErrorKind::not_found);

@@ -71,6 +71,20 @@ TEST_F(ReopenedCoils, AreNotAskedAgainAndAgainWhileTheyAreGone) {
   EXPECT_NO_THROW(other->make_safe());
 }
 
+TEST_F(ReopenedCoils, SayWhyTheyCannotBeOpenedAgainAndNameTheRoleOnce) {
+  pull();
+  EXPECT_EQ(kind_of([&] { coils->set_currents(usb3103::kSomeCurrents); }), DeviceErrorKind::lost);
+  try {
+    coils->make_safe();
+    FAIL() << "it is still gone";
+  } catch (const DeviceError& error) {
+    EXPECT_STREQ(error.what(),
+                 "coils: it was lost, and cannot be opened again: hid:09db:009c: no such device; "
+                 "no zero was sent to its outputs, so a current that was set before may still flow "
+                 "(lost)");
+  }
+}
+
 TEST_F(ReopenedCoils, OnALampComeBackDark) {
   led_lamp::Settings lamp_settings;
   lamp_settings.full_current = 1;
