@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/hid_link.h"
 
+#include "devices/time/error.h"
+
 #include <deque>
 #include <stdexcept>
 #include <utility>
@@ -22,7 +24,10 @@ class MemoryHidLink final : public HidLink {
   ~MemoryHidLink() override { peer_.connect(nullptr); }
 
   // The caller's task spends the latency; stopping it does not stop the report.
+  // As Linux' hidraw, which refuses a report of one byte (hidraw_send_report: EINVAL).
   void write(std::span<const std::uint8_t> report) override {
+    if (report.size() < 2)
+      throw DeviceError(DeviceErrorKind::lost, "hid", "a report cannot be sent: it is too short");
     try {
       clock_.sleep_for(latency_);
     } catch (const Stopped&) {

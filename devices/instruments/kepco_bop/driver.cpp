@@ -55,11 +55,11 @@ class Supply {
   double measure();
   // The set-point is asked back: what counts is that the supply has taken the zero.
   void zero() {
-    expect_number("CURR 0;CURR?", 0);
+    expect_number("CURR 0;:CURR?", 0);
     lately_.push_back({clock().now(), 0});
     zero_ = Zero::confirmed;
   }
-  void switch_off() { ask("OUTP OFF;OUTP?"); }
+  void switch_off() { ask("OUTP OFF;:OUTP?"); }
   const Identity& identity() const { return identity_; }
   bool lost() const { return dialogue_.lost(); }
   Dialogue& dialogue() { return dialogue_; }
@@ -78,6 +78,7 @@ class Supply {
   }
   void expect(const std::string& line, const std::string& wanted);
   void expect_number(const std::string& line, double wanted);
+  void limit(const std::string& name, double magnitude);
   void check_read_back(double measured);
   void fail_for(const scpi::Error& error);
   Clock& clock() const { return dialogue_.clock(); }
@@ -122,7 +123,7 @@ void Supply::send(const std::string& line) {
 std::string Supply::answer() {
   const Time deadline = later(clock().now(), from_seconds(settings_.reply_timeout));
   for (;;) {
-    std::string line = scpi::trimmed(dialogue_.line('\n', kMaxAnswer, deadline));
+    std::string line = answer_in(dialogue_.line('\n', kMaxAnswer, deadline));
     if (line.empty()) continue;
     unsure_ = false;
     return line;
@@ -146,6 +147,18 @@ void Supply::expect_number(const std::string& line, double wanted) {
     fail(DeviceErrorKind::protocol, "\"" + line + "\" is answered by " + printable(said));
   if (std::abs(*number - wanted) > kReadBack * std::max(1., std::abs(wanted)))
     fail(DeviceErrorKind::refused, "after \"" + line + "\" it keeps " + in_short(*number));
+}
+
+/// A limit of both signs, read back one by one: asked without a sign it answers two numbers (manual
+/// B.22, B.94). Whether the negative one is told with its sign the manual does not say.
+void Supply::limit(const std::string& name, double magnitude) {
+  expect_number(with_number(name, magnitude) + ";:" + name + ":POS?", magnitude);
+  const std::string question = name + ":NEG?";
+  const std::string said = ask(question);
+  const auto number = scpi::number(said);
+  if (!number || std::abs(std::abs(*number) - magnitude) > kReadBack * std::max(1., magnitude))
+    fail(DeviceErrorKind::refused, "\"" + question + "\" is answered by " + printable(said) +
+                                       ", not by " + in_short(magnitude));
 }
 
 /// -222 is "data out of range"; the device's own errors (temperature, overcurrent) are positive,
@@ -172,19 +185,23 @@ void Supply::configure() {
          "it was a " + to_string(identity_) + ", and now there is a " + to_string(*who));
   dialogue_.identified();
   zero_ = Zero::tried;
-  expect("*CLS;SYST:REM 1;SYST:REM?", "1");
-  expect_number("CURR 0;CURR?", 0);
+  expect("*CLS;:SYST:REM 1;:SYST:REM?", "1");
+  expect_number("CURR 0;:CURR?", 0);
   // The zero once more: in voltage mode the one above was not the set point.
-  const std::string mode = ask("FUNC:MODE CURR;FUNC:MODE?");
+  const std::string mode = ask("FUNC:MODE CURR;:FUNC:MODE?");
   if (mode != "1" && mode != "CURR") fail(DeviceErrorKind::refused, "it stays in voltage mode");
-  expect_number("CURR 0;CURR?", 0);
+  expect_number("CURR 0;:CURR?", 0);
   zero_ = Zero::confirmed;
-  expect_number(with_number("CURR:LIM", settings_.current_limit) + ";CURR:LIM?",
-                settings_.current_limit);
-  expect_number(with_number("VOLT", settings_.voltage_limit) + ";VOLT?", settings_.voltage_limit);
+  if (is_bit_card(*who)) {
+    expect_number(with_number("VOLT", settings_.voltage_limit) + ";:VOLT?",
+                  settings_.voltage_limit);
+  } else {
+    limit("CURR:LIM", settings_.current_limit);
+    limit("VOLT:PROT", settings_.voltage_limit);
+  }
   // Off must not open the circuit of an inductive load: ACTIVE holds 0 A and 0 V instead.
-  expect("OUTP:MODE ACTIVE;OUTP:MODE?", "ACTIVE");
-  expect("OUTP ON;OUTP?", "1");
+  expect("OUTP:MODE ACTIVE;:OUTP:MODE?", "ACTIVE");
+  expect("OUTP ON;:OUTP?", "1");
   for (int i = 0; i < kMostErrors; ++i) {
     const auto error = scpi::error(ask("SYST:ERR?"));
     if (!error) fail(DeviceErrorKind::protocol, "its error queue cannot be read");

@@ -15,6 +15,10 @@ namespace {
 /// Errors; one more turns the last into -350.
 constexpr std::size_t kQueueLength = 15;
 
+std::string limit_name(const char* level, const char* kind, const char* sign) {
+  return std::string(level) + ":" + kind + ":" + sign;
+}
+
 /// A supply without a load of its own: in current mode with its output on, the set current times
 /// `gain` flows.
 class EmulatedBop final : public Emulator {
@@ -50,10 +54,12 @@ class EmulatedBop final : public Emulator {
  private:
   /// As after power-up: voltage mode, local control, output off.
   void power_up() {
-    values_ = {{"CURR", 0},
-               {"VOLT", 0},
-               {"CURR:LIM", settings_.max_current},
-               {"VOLT:LIM", settings_.max_voltage}};
+    values_ = {{"CURR", 0}, {"VOLT", 0}};
+    for (const char* sign : {"POS", "NEG"})
+      for (const char* kind : {"LIM", "PROT"}) {
+        values_[limit_name("CURR", kind, sign)] = settings_.max_current;
+        values_[limit_name("VOLT", kind, sign)] = settings_.max_voltage;
+      }
     mode_ = "VOLT";
     load_ = "RESISTIVE";
     on_ = remote_ = false;
@@ -69,8 +75,14 @@ class EmulatedBop final : public Emulator {
     if (line.size() > kMaxLine) {
       complain(-100, "Command error");
     } else {
+      std::string path;  // of the unit before: a unit without a leading colon is within it
       for (const std::string& one : scpi::parts(line, ';')) {
-        const Command command = decode_command(one);
+        Command command = decode_command(one);
+        if (command.header.empty()) continue;
+        if (command.header.front() != '*') {
+          if (one.front() != ':') command.header = path + command.header;
+          path = command.header.substr(0, command.header.rfind(':') + 1);
+        }
         const bool question = !command.header.empty() && command.header.back() == '?';
         if (question) answer += (asked ? ";" : "") + answer_to(command.header);
         asked = asked || question;
@@ -103,6 +115,8 @@ class EmulatedBop final : public Emulator {
     }
     if (const auto value = values_.find(name); value != values_.end())
       return encode_number(value->second);
+    if (const auto value = values_.find(name + ":POS"); value != values_.end())
+      return encode_number(value->second) + "," + encode_number(values_.at(name + ":NEG"));
     complain(-113, "Undefined header");
     return "";
   }
@@ -117,7 +131,8 @@ class EmulatedBop final : public Emulator {
       return;
     }
     const auto value = scpi::number(command.value);
-    const bool known = values_.contains(command.header) || command.header == "FUNC:MODE" ||
+    const bool pair = values_.contains(command.header + ":POS");
+    const bool known = pair || values_.contains(command.header) || command.header == "FUNC:MODE" ||
                        command.header == "OUTP" || command.header == "OUTP:MODE";
     if (!known) return complain(-113, "Undefined header");
     if (!remote_) return;  // under local control set commands are ignored, without an error
@@ -131,6 +146,8 @@ class EmulatedBop final : public Emulator {
       complain(-109, "Missing parameter");
     } else if (!within(command.header, *value)) {
       complain(-222, "Data out of range");
+    } else if (pair) {
+      values_[command.header + ":POS"] = values_[command.header + ":NEG"] = *value;
     } else {
       values_[command.header] = *value;
     }
@@ -140,8 +157,10 @@ class EmulatedBop final : public Emulator {
   /// negative.
   bool within(const std::string& name, double value) const {
     const double most = name[0] == 'C' ? settings_.max_current : settings_.max_voltage;
-    if (name == "CURR" && std::abs(value) > values_.at("CURR:LIM")) return false;
-    return std::abs(value) <= most && (name.find("LIM") == std::string::npos || value >= 0);
+    if (name == "CURR" &&
+        (value > values_.at("CURR:LIM:POS") || value < -values_.at("CURR:LIM:NEG")))
+      return false;
+    return std::abs(value) <= most && (name.find(':') == std::string::npos || value >= 0);
   }
 
   /// Into the error queue.

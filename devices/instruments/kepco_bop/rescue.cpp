@@ -20,7 +20,7 @@ constexpr int kMostSilences = 8;
 constexpr int kMostLines = 64;
 /// Answered by "0.00000E0;0", unlike anything that the host before may have asked. ESC clears what
 /// that host had begun.
-constexpr std::string_view kToZero = "\x1BSYST:REM 1;CURR 0;OUTP OFF;CURR?;OUTP?\n";
+constexpr std::string_view kToZero = "\x1BSYST:REM 1;:CURR 0;:OUTP OFF;:CURR?;:OUTP?\n";
 
 void send_text(ByteLink& link, std::string_view text) {
   link.write({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, kPatience);
@@ -54,7 +54,7 @@ void read_back(ByteLink& link) {
       send_text(link, kToZero);
       continue;
     }
-    const std::string said = scpi::trimmed(*line);
+    const std::string said = answer_in(*line);
     const std::size_t between = said.find(';');
     if (between == std::string::npos) continue;
     const auto current = scpi::number(said.substr(0, between));
@@ -71,7 +71,7 @@ void read_back(ByteLink& link) {
 bool answers(ByteLink& link) {
   send_text(link, "*IDN?\n");
   const auto line = line_of(link);
-  return line && decode_identity(scpi::trimmed(*line));
+  return line && decode_identity(answer_in(*line));
 }
 
 // No driver object and no configuration: nothing here waits for an answer before the zeros are

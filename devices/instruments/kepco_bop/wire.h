@@ -26,19 +26,42 @@ inline std::string with_number(std::string_view command, double value) {
          (std::string_view(text.data()) == " -0.00000" ? " 0.00000" : text.data());
 }
 
-/// From the answer to *IDN?; nothing where it is of something else.
+/// Of a received line what answers: without the flow control's characters, the echo of the command
+/// and its CR (echo mode, manual 3.5.6.2.2), the prompt (> before it) and the ! after an XON.
+inline std::string answer_in(std::string_view line) {
+  std::string said = scpi::trimmed(line);
+  if (const std::size_t echo = said.rfind('\r'); echo != std::string::npos)
+    said = scpi::trimmed(said.substr(echo));
+  const std::size_t begin = said.find_first_not_of(">! ");
+  return begin == std::string::npos ? "" : said.substr(begin);
+}
+
+/// From the answer to *IDN?; nothing where it is of something else. A 400 W unit behind a BIT card
+/// answers without commas: "KEPCO BOP BIT232 REV. 3.1".
 inline std::optional<Identity> decode_identity(std::string_view answer) {
   auto who = scpi::identity(answer);
-  if (!who || who->name.rfind("KEPCO", 0) != 0 || who->name.find("BOP") == std::string::npos)
+  if (!who && answer.rfind("KEPCO ", 0) == 0) {
+    const std::size_t revision = answer.find(" REV");
+    const std::string name = scpi::trimmed(answer.substr(0, revision));
+    who = Identity{name, "", ""};
+    if (revision != std::string_view::npos)
+      who->firmware = scpi::trimmed(answer.substr(revision + 5));
+  }
+  if (!who || who->name.rfind("KEPCO", 0) != 0 ||
+      (who->name.find("BOP") == std::string::npos && who->name.find("BIT") == std::string::npos))
     return std::nullopt;
   return who;
 }
+/// A BIT card has no limits and no protection of its own: in current mode VOLT is its compliance
+/// (Kepco_BOP_Utilities, Set_Voltage_Limit).
+inline bool is_bit_card(const Identity& who) { return who.name.find("BIT") != std::string::npos; }
 
 /// A set-point; the line also asks for the current that flows and for the error, so that there is
 /// always an answer to wait for: a set command alone is answered by CR LF on RS-232, and by nothing
-/// on the network.
+/// on the network. After each `;` a colon: without it the parser stays in the subsystem of the unit
+/// before (manual 3.6.4.7).
 inline std::string set_and_measure(double current) {
-  return with_number("CURR", current) + ";MEAS:CURR?;SYST:ERR?";
+  return with_number("CURR", current) + ";:MEAS:CURR?;:SYST:ERR?";
 }
 struct Measured {
   double current = 0;  ///< A
@@ -53,7 +76,7 @@ inline std::optional<Measured> decode_measured(std::string_view answer) {
   return Measured{*current, *error};
 }
 
-/// One command of a line: "MEAS:CURR?" is a question, "CURR 1.5" is not.
+/// One command of a line, without a leading colon: "MEAS:CURR?" is a question, "CURR 1.5" is not.
 struct Command {
   std::string header;  ///< upper case, as far as the '?', which belongs to it
   std::string value;

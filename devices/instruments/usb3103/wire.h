@@ -96,7 +96,14 @@ struct Encoder {
 };
 }  // namespace detail
 
-inline Report encode(const Command& command) { return std::visit(detail::Encoder{}, command); }
+/// At least two bytes: Linux' hidraw refuses a report of one (hidraw_send_report), and its first
+/// byte is the id. That the device takes a longer form than AOutSync's and GetStatus' one byte has
+/// no source but the padding of hosts that fill the endpoint.
+inline Report encode(const Command& command) {
+  Report report = std::visit(detail::Encoder{}, command);
+  report.resize(std::max<std::size_t>(report.size(), 2));
+  return report;
+}
 
 /// Nothing when the device would not understand it: too short, an unknown command, a value out of
 /// range. Padding after the command is allowed (some hosts pad to the size of the endpoint).

@@ -78,8 +78,7 @@ TEST(Usb3103Double, KeepsTheContractOfAnAmplifier) {
   const auto clock = wall_clock();
   DoubleProcess interface = DoubleProcess::on_socket("usb3103");
   const usb3103::Settings settings;
-  const auto coils =
-      usb3103::open(open_double_hid(interface.address(), *clock), settings, *clock);
+  const auto coils = usb3103::open(open_double_hid(interface.address(), *clock), settings, *clock);
   EXPECT_EQ(contract::check(*coils), Findings{});
 }
 

@@ -52,8 +52,8 @@ std::vector<std::string> on_line(std::vector<std::string> words, int baud) {
 
 }  // namespace
 
-DoubleProcess::DoubleProcess(const std::string& instrument,
-                             const std::vector<std::string>& options, int baud)
+DoubleProcess::DoubleProcess(const std::string& instrument, const std::vector<std::string>& options,
+                             int baud)
     : DoubleProcess(on_line(words_of(instrument, options), baud), "serial:") {}
 
 DoubleProcess DoubleProcess::on_socket(const std::string& instrument,
@@ -156,7 +156,8 @@ class DoubleHid final : public HidLink {
       while (answers_.empty() && receive(5000)) {
       }
     });
-    if (answers_.empty()) throw DeviceError(DeviceErrorKind::lost, "double", "no answer to a report");
+    if (answers_.empty())
+      throw DeviceError(DeviceErrorKind::lost, "double", "no answer to a report");
     const std::int32_t result = answers_.front();
     answers_.pop_front();
     if (result < 0)
