@@ -3,7 +3,9 @@
 
 #include "devices/time/error.h"
 
+#include <algorithm>
 #include <array>
+#include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -135,10 +137,15 @@ double DoubleProcess::number(const std::string& name) {
 
 namespace {
 
+struct Answer {
+  std::int32_t result = 0;
+  std::vector<std::uint8_t> data;
+};
+
 /// Frames as tests/doubles/README.md has them. Time is the wall clock's.
-class DoubleHid final : public HidLink {
+class Frames {
  public:
-  DoubleHid(const std::string& path, Clock& clock) : clock_(clock) {
+  explicit Frames(const std::string& path) {
     sockaddr_un where{};
     where.sun_family = AF_UNIX;
     path.copy(where.sun_path, sizeof where.sun_path - 1);
@@ -146,43 +153,11 @@ class DoubleHid final : public HidLink {
     if (::connect(socket_, reinterpret_cast<const sockaddr*>(&where), sizeof where) != 0)
       throw DeviceError(DeviceErrorKind::not_found, path, std::strerror(errno));
   }
-  ~DoubleHid() override { ::close(socket_); }
-  DoubleHid(const DoubleHid&) = delete;
-  DoubleHid& operator=(const DoubleHid&) = delete;
+  ~Frames() { ::close(socket_); }
+  Frames(const Frames&) = delete;
+  Frames& operator=(const Frames&) = delete;
 
-  void write(std::span<const std::uint8_t> report) override {
-    clock_.outside([&] {
-      send('O', report);
-      while (answers_.empty() && receive(5000)) {
-      }
-    });
-    if (answers_.empty())
-      throw DeviceError(DeviceErrorKind::lost, "double", "no answer to a report");
-    const std::int32_t result = answers_.front();
-    answers_.pop_front();
-    if (result < 0)
-      throw DeviceError(DeviceErrorKind::lost, "double",
-                        std::string("a report cannot be sent: ") + std::strerror(-result));
-  }
-
-  std::optional<std::vector<std::uint8_t>> read(Time timeout) override {
-    const auto deadline = std::chrono::steady_clock::now() + timeout;
-    clock_.outside([&] {
-      do {
-        const auto left = std::chrono::ceil<std::chrono::milliseconds>(
-            deadline - std::chrono::steady_clock::now());
-        if (!reports_.empty()) break;
-        receive(static_cast<int>(std::max<std::int64_t>(0, left.count())));
-      } while (reports_.empty() && std::chrono::steady_clock::now() < deadline);
-    });
-    if (reports_.empty()) return std::nullopt;
-    std::vector<std::uint8_t> first = std::move(reports_.front());
-    reports_.pop_front();
-    return first;
-  }
-
- private:
-  void send(char kind, std::span<const std::uint8_t> payload) {
+  Answer ask(char kind, std::span<const std::uint8_t> payload) {
     std::vector<std::uint8_t> frame(5);
     const auto size = static_cast<std::uint32_t>(payload.size() + 1);
     std::memcpy(frame.data(), &size, 4);
@@ -191,7 +166,27 @@ class DoubleHid final : public HidLink {
     if (::send(socket_, frame.data(), frame.size(), MSG_NOSIGNAL) !=
         static_cast<ssize_t>(frame.size()))
       throw DeviceError(DeviceErrorKind::lost, "double", "is unplugged");
+    while (answers_.empty())
+      if (!receive(5000)) throw DeviceError(DeviceErrorKind::lost, "double", "does not answer");
+    Answer first = std::move(answers_.front());
+    answers_.pop_front();
+    return first;
   }
+  std::optional<std::vector<std::uint8_t>> report(int milliseconds) {
+    const auto deadline =
+        std::chrono::steady_clock::now() + std::chrono::milliseconds(milliseconds);
+    while (reports_.empty()) {
+      const auto left =
+          std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
+      if (!receive(static_cast<int>(std::max<std::int64_t>(0, left.count()))) && left.count() <= 0)
+        return std::nullopt;
+    }
+    std::vector<std::uint8_t> first = std::move(reports_.front());
+    reports_.pop_front();
+    return first;
+  }
+
+ private:
   /// One frame, if it begins within the time.
   bool receive(int milliseconds) {
     pollfd ready{socket_, POLLIN, 0};
@@ -201,9 +196,10 @@ class DoubleHid final : public HidLink {
     std::vector<std::uint8_t> frame(size);
     take(frame.data(), size);
     if (frame.at(0) == 'A') {
-      std::int32_t result = 0;
-      std::memcpy(&result, frame.data() + 1, 4);
-      answers_.push_back(result);
+      Answer answer;
+      std::memcpy(&answer.result, frame.data() + 1, 4);
+      answer.data.assign(frame.begin() + 5, frame.end());
+      answers_.push_back(std::move(answer));
     } else if (frame[0] == 'I') {
       reports_.emplace_back(frame.begin() + 1, frame.end());
     }
@@ -214,16 +210,77 @@ class DoubleHid final : public HidLink {
       throw DeviceError(DeviceErrorKind::lost, "double", "is unplugged");
   }
 
-  Clock& clock_;
   int socket_ = -1;
-  std::deque<std::int32_t> answers_;
+  std::deque<Answer> answers_;
   std::deque<std::vector<std::uint8_t>> reports_;
+};
+
+class DoubleHid final : public HidLink {
+ public:
+  DoubleHid(const std::string& path, Clock& clock) : frames_(path), clock_(clock) {}
+  void write(std::span<const std::uint8_t> report) override {
+    clock_.outside([&] {
+      if (const std::int32_t result = frames_.ask('O', report).result; result < 0)
+        throw DeviceError(DeviceErrorKind::lost, "double",
+                          std::string("a report cannot be sent: ") + std::strerror(-result));
+    });
+  }
+  std::optional<std::vector<std::uint8_t>> read(Time timeout) override {
+    std::optional<std::vector<std::uint8_t>> report;
+    const auto wait = std::chrono::ceil<std::chrono::milliseconds>(timeout).count();
+    clock_.outside([&] {
+      report = frames_.report(static_cast<int>(std::clamp<std::int64_t>(wait, 0, 3600000)));
+    });
+    return report;
+  }
+
+ private:
+  Frames frames_;
+  Clock& clock_;
+};
+
+class DoubleUsb final : public UsbLink {
+ public:
+  DoubleUsb(const std::string& path, Clock& clock) : frames_(path), clock_(clock) {}
+  const UsbIdentity& identity() const override { return identity_; }
+  void write(const UsbSetup& setup, std::span<const std::uint8_t> data, Time) override {
+    transfer(setup, static_cast<std::uint16_t>(data.size()), data);
+  }
+  std::vector<std::uint8_t> read(const UsbSetup& setup, std::uint16_t length, Time) override {
+    return transfer(setup, length, {});
+  }
+
+ private:
+  std::vector<std::uint8_t> transfer(const UsbSetup& setup, std::uint16_t length,
+                                     std::span<const std::uint8_t> data) {
+    std::vector<std::uint8_t> payload{setup.type, setup.request};
+    for (const std::uint16_t word : {setup.value, setup.index, length}) {
+      payload.push_back(static_cast<std::uint8_t>(word & 0xFF));
+      payload.push_back(static_cast<std::uint8_t>(word >> 8));
+    }
+    payload.insert(payload.end(), data.begin(), data.end());
+    Answer answer;
+    clock_.outside([&] { answer = frames_.ask('C', payload); });
+    if (answer.result < 0)
+      throw DeviceError(answer.result == -EPIPE       ? DeviceErrorKind::refused
+                        : answer.result == -ETIMEDOUT ? DeviceErrorKind::timeout
+                                                      : DeviceErrorKind::lost,
+                        "double", std::strerror(-answer.result));
+    return std::move(answer.data);
+  }
+
+  Frames frames_;
+  Clock& clock_;
+  UsbIdentity identity_{0x1FFB, 0x00B3, 0x0109, "00123456", "Pololu", "Tic T825", ""};
 };
 
 }  // namespace
 
 std::unique_ptr<HidLink> open_double_hid(const std::string& socket, Clock& clock) {
   return std::make_unique<DoubleHid>(socket, clock);
+}
+std::unique_ptr<UsbLink> open_double_usb(const std::string& socket, Clock& clock) {
+  return std::make_unique<DoubleUsb>(socket, clock);
 }
 
 }  // namespace vitreo

@@ -49,5 +49,6 @@ class DoubleProcess {
 
 /// The host's end of a double on a socket.
 std::unique_ptr<HidLink> open_double_hid(const std::string& socket, Clock& clock);
+std::unique_ptr<UsbLink> open_double_usb(const std::string& socket, Clock& clock);
 
 }  // namespace vitreo
