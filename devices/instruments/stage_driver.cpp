@@ -27,6 +27,8 @@ class Motion {
   ~Motion() {
     try {
       if (!dialogue_.lost()) stop();
+      const Dialogue::Turn turn(dialogue_);
+      if (!dialogue_.lost()) protocol_->leave();
     } catch (...) {  // a destructor cannot report it
     }
   }

@@ -41,6 +41,8 @@ class StageProtocol {
   virtual void check_arrival(bool homing) = 0;
   /// Stops it, and returns when it stands still.
   virtual void halt() = 0;
+  /// At the end, standing still: puts back what it keeps for good and had otherwise before.
+  virtual void leave() {}
   /// Sends the stop and waits for nothing: for an instrument that answers no more.
   virtual void send_halt() = 0;
 

@@ -1,6 +1,7 @@
 // HID devices by hidapi's hidraw back end. The only file that includes hidapi.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/hid_link.h"
+#include "devices/links/node_lock.h"
 #include "devices/time/error.h"
 #include "devices/time/quiet_thread.h"
 
@@ -41,9 +42,9 @@ constexpr std::chrono::milliseconds kWriteDeadline{500};
 /// which may outlive the link for as long.
 class Writer {
  public:
-  explicit Writer(Device device) : device_(std::move(device)) {}
-  static std::shared_ptr<Writer> start(Device device) {
-    auto writer = std::make_shared<Writer>(std::move(device));
+  Writer(Device device, NodeLock lock) : lock_(std::move(lock)), device_(std::move(device)) {}
+  static std::shared_ptr<Writer> start(Device device, NodeLock lock) {
+    auto writer = std::make_shared<Writer>(std::move(device), std::move(lock));
     quiet_thread([writer] { writer->run(); }).detach();
     return writer;
   }
@@ -92,6 +93,7 @@ class Writer {
     }
   }
 
+  const NodeLock lock_;  // as long as the device is open, a report that the kernel holds included
   const Device device_;
   // Of all members below. report_ is the hand-over: filled by write(), emptied by run() when the
   // kernel has taken it.
@@ -169,11 +171,12 @@ class HidapiLink final : public HidLink {
     }
     if (path.empty())
       throw DeviceError(DeviceErrorKind::not_found, name_, "no such device is plugged in");
+    NodeLock lock(path, name_);
     Device device(hid_open_path(path.c_str()), hid_close);
     if (!device)
       throw DeviceError(DeviceErrorKind::refused, name_,
                         path + " may not be opened: " + last_error(nullptr));
-    writer_ = Writer::start(std::move(device));
+    writer_ = Writer::start(std::move(device), std::move(lock));
   }
 
   Clock& clock_;

@@ -1,10 +1,12 @@
 // USB devices by libusb. The only file that includes libusb.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/links/node_lock.h"
 #include "devices/links/usb_link.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <libusb.h>
 #include <limits>
 #include <utility>
@@ -82,6 +84,13 @@ UsbIdentity identify(libusb_device* device, const libusb_device_descriptor& d,
               std::to_string(libusb_get_device_address(device))};
 }
 
+std::string node_of(libusb_device* device) {
+  std::array<char, 32> path{};
+  std::snprintf(path.data(), path.size(), "/dev/bus/usb/%03d/%03d", libusb_get_bus_number(device),
+                libusb_get_device_address(device));
+  return path.data();
+}
+
 /// Transfers block, so they run outside the clock's baton. A context of its own each: no state is
 /// shared between links.
 class LibusbLink final : public UsbLink {
@@ -133,9 +142,13 @@ class LibusbLink final : public UsbLink {
           if (!identity.matches(address)) return;
           ++found;
           identity_ = identity;
+          place_ = node_of(device);
           handle_ = std::move(handle);
         });
-    if (found == 1) return;
+    if (found == 1) {
+      lock_ = NodeLock(place_, name_);
+      return;
+    }
     if (found > 1)
       throw DeviceError(DeviceErrorKind::not_found, name_,
                         "there are several; say which by :SERIAL in the address");
@@ -164,6 +177,8 @@ class LibusbLink final : public UsbLink {
   Context context_;
   Handle handle_;
   UsbIdentity identity_;
+  std::string place_;  // the node
+  NodeLock lock_;
 };
 
 }  // namespace

@@ -3,6 +3,8 @@
 
 #include <cerrno>
 #include <filesystem>
+#include <sys/file.h>
+#include <sys/ioctl.h>
 #include <system_error>
 
 namespace vitreo {
@@ -30,8 +32,18 @@ DeviceErrorKind kind_of_refusal(int system_error_number) {
              : DeviceErrorKind::not_found;
 }
 
+bool take_for_us(int handle) {
+  if (::flock(handle, LOCK_EX | LOCK_NB) != 0) return false;
+  ::ioctl(handle, TIOCEXCL);
+  return true;
+}
+
 std::string to_string(const SerialSettings& settings) {
-  return std::to_string(settings.baud_rate) + " baud, 8N1" + (settings.rts_cts ? ", RTS/CTS" : "") +
+  const char* const parity = settings.parity == Parity::odd    ? "O"
+                             : settings.parity == Parity::even ? "E"
+                                                               : "N";
+  return std::to_string(settings.baud_rate) + " baud, " + std::to_string(settings.data_bits) +
+         parity + "1" + (settings.rts_cts ? ", RTS/CTS" : "") +
          (settings.xon_xoff ? ", XON/XOFF" : "");
 }
 

@@ -12,9 +12,13 @@
 
 namespace vitreo {
 
-/// Always 8 data bits, no parity, one stop bit: no instrument here wants anything else.
+enum class Parity { none, odd, even };
+
+/// One stop bit. Seven data bits with odd parity are what Lake Shore's gaussmeters talk.
 struct SerialSettings {
   int baud_rate = 9600;
+  int data_bits = 8;  ///< 7 or 8
+  Parity parity = Parity::none;
   bool rts_cts = false;   ///< hardware flow control
   bool xon_xoff = false;  ///< software flow control: 0x11 and 0x13 never reach the driver then
 };
@@ -26,6 +30,10 @@ std::string to_string(const SerialSettings& settings);
 /// {refused} when another program has it open or it does not take the settings.
 std::unique_ptr<ByteLink> open_serial(const std::string& path, const SerialSettings& settings,
                                       Clock& clock);
+
+/// Locks the open port, and closes it to programs that do not lock (TIOCEXCL; root still opens it).
+/// False where another program has it.
+bool take_for_us(int handle);
 
 /// Whether the kernel lists a device behind the terminal: libserialport takes no other.
 bool has_sysfs_entry(const std::string& path);

@@ -2,6 +2,7 @@
 // written by our own code: its reads cannot tell a port that is gone from one that is silent, and
 // spin on it.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/links/node_lock.h"
 #include "devices/links/serial_link.h"
 #include "devices/time/error.h"
 
@@ -31,15 +32,21 @@ class Port final : public OpenFile {
   Port(const Port&) = delete;
   Port& operator=(const Port&) = delete;
 
-  /// 8N1. RTS and DTR are asserted, as drivers of the Sutter MP-285 do without flow control.
+  /// RTS and DTR are asserted, as drivers of the Sutter MP-285 do without flow control.
   /// Flushed last: what came in at another rate or parity is no answer to anything.
   void configure(const SerialSettings& settings) {
+    // A port has one owner: the kernel itself lets any number of programs open it. Before anything
+    // is set or flushed: what the owner's instrument is saying is not ours.
+    if (!take_for_us(handle())) throw OwnedError("serial:" + path_);
     const auto set = [this](sp_return result, const char* what) {
       check(result, DeviceErrorKind::refused, what);
     };
     set(sp_set_baudrate(port_, settings.baud_rate), "does not take the baud rate");
-    set(sp_set_bits(port_, 8), "does not take 8 data bits");
-    set(sp_set_parity(port_, SP_PARITY_NONE), "does not take no parity");
+    set(sp_set_bits(port_, settings.data_bits), "does not take the data bits");
+    set(sp_set_parity(port_, settings.parity == Parity::odd    ? SP_PARITY_ODD
+                             : settings.parity == Parity::even ? SP_PARITY_EVEN
+                                                               : SP_PARITY_NONE),
+        "does not take the parity");
     set(sp_set_stopbits(port_, 1), "does not take one stop bit");
     const sp_flowcontrol flow = settings.rts_cts    ? SP_FLOWCONTROL_RTSCTS
                                 : settings.xon_xoff ? SP_FLOWCONTROL_XONXOFF
@@ -49,9 +56,6 @@ class Port final : public OpenFile {
     if (!settings.rts_cts) set(sp_set_rts(port_, SP_RTS_ON), "does not assert RTS");
     set(sp_set_dtr(port_, SP_DTR_ON), "does not assert DTR");
     set(sp_flush(port_, SP_BUF_BOTH), "does not flush");
-    // A port has one owner: the kernel itself lets any number of programs open it.
-    if (::flock(handle(), LOCK_EX | LOCK_NB) != 0)
-      throw DeviceError(DeviceErrorKind::refused, "serial:" + path_, "another program has it open");
   }
 
   int handle() const override {

@@ -2,6 +2,7 @@
 // goes through termios2, for the baud rates that termios has no name for (the MPC-200 talks at
 // 128000).
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/links/node_lock.h"
 #include "devices/links/serial_link.h"
 #include "devices/time/error.h"
 
@@ -18,7 +19,7 @@ namespace {
   throw DeviceError(kind, "serial:" + path, what);
 }
 
-/// Raw bytes, 8N1: no echo, no translation of line ends, no signals. CLOCAL: no modem lines are
+/// Raw bytes: no echo, no translation of line ends, no signals. CLOCAL: no modem lines are
 /// waited for; HUPCL: DTR falls when the port is closed.
 void configure(int handle, const std::string& path, const SerialSettings& settings) {
   termios2 wanted{};
@@ -27,7 +28,10 @@ void configure(int handle, const std::string& path, const SerialSettings& settin
   wanted.c_iflag = settings.xon_xoff ? IXON | IXOFF : 0;
   wanted.c_oflag = 0;
   wanted.c_lflag = 0;
-  wanted.c_cflag = CS8 | CREAD | CLOCAL | HUPCL | BOTHER | (settings.rts_cts ? CRTSCTS : 0U);
+  wanted.c_cflag = (settings.data_bits == 7 ? CS7 : CS8) | CREAD | CLOCAL | HUPCL | BOTHER |
+                   (settings.rts_cts ? CRTSCTS : 0U);
+  if (settings.parity != Parity::none) wanted.c_cflag |= PARENB;
+  if (settings.parity == Parity::odd) wanted.c_cflag |= PARODD;
   wanted.c_ispeed = wanted.c_ospeed = static_cast<speed_t>(settings.baud_rate);
   wanted.c_cc[VMIN] = 1;
   wanted.c_cc[VTIME] = 0;
@@ -51,8 +55,7 @@ std::unique_ptr<OpenFile> open_with_termios(const std::string& path,
   if (handle < 0) fail(kind_of_refusal(errno), path, system_error());
   auto file = own_descriptor(handle);
   // Advisory, as in serial_port.cpp: the kernel itself lets any number of programs open a terminal.
-  if (::flock(handle, LOCK_EX | LOCK_NB) != 0)
-    fail(DeviceErrorKind::refused, path, "another program has it open");
+  if (!take_for_us(handle)) throw OwnedError("serial:" + path);
   configure(handle, path, settings);
   const int lines = TIOCM_DTR | TIOCM_RTS;
   ::ioctl(handle, TIOCMBIS, &lines);   // pseudo-terminals have no such lines, and need none

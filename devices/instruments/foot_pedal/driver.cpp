@@ -56,7 +56,8 @@ void Settings::check() const {
   if (layout.pedals.empty() || layout.pedals.size() > 32)
     throw std::invalid_argument("layout: wants 1 to 32 pedals");
   for (const Pedal& pedal : layout.pedals)
-    if (pedal.byte >= layout.size || pedal.mask == 0)
+    if (pedal.byte >= layout.size || pedal.byte < (layout.constant_first ? 1 : 0) ||
+        pedal.mask == 0)
       throw std::invalid_argument("layout: a pedal is outside the report");
 }
 

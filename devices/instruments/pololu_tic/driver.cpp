@@ -347,12 +347,19 @@ void Tic::home(Time timeout) {
     if (!homed()) fail(DeviceErrorKind::refused, "it does not take its position");
     return;
   }
-  // A controller without a limit switch in its settings may look for it for ever (guide, 5.6): then
-  // the timeout ends the motion.
+  const bool forward = settings_.home == Home::forward;
+  // It would look for a switch that is not there for ever (guide, 5.6), and drive the lens into its
+  // end stop, which in one direction is the eye.
+  if (read({Code::get_setting, forward ? kLimitSwitchForwardMap : kLimitSwitchReverseMap, 1})[0] ==
+      0)
+    fail(DeviceErrorKind::refused,
+         std::string("none of its pins is configured as the limit switch ") +
+             (forward ? "forward" : "reverse") +
+             "; configure one (Tic Control Center), or take home = \"none\"");
   drive(
       timeout, "the home switch was not found",
       [&] {
-        command({Code::go_home, settings_.home == Home::forward});
+        command({Code::go_home, forward});
       },
       [](const Variables& now) { return !now.homing && !now.position_uncertain; });
 }

@@ -26,6 +26,13 @@ constexpr std::uint16_t kHardErrors =
 enum class Planning { off, position, velocity };
 enum class Homing { no, approaching, leaving };
 
+/// Of a controller whose switches are wired and configured, as its model of the travel has them.
+std::vector<std::uint8_t> with_limit_switches() {
+  std::vector<std::uint8_t> settings(kSettingsSize, 0);
+  settings[kLimitSwitchForwardMap] = settings[kLimitSwitchReverseMap] = 1;
+  return settings;
+}
+
 /// It has no thread: its motion is integrated up to the present at each call. Two positions differ:
 /// motor_, the truth, and the controller's counter, motor_ - zero_.
 class EmulatedTic final : public Emulator {
@@ -144,7 +151,7 @@ class EmulatedTic final : public Emulator {
   const Clock& clock_;
   const EmulatorSettings given_;
   UsbIdentity identity_;
-  std::vector<std::uint8_t> settings_bytes_ = std::vector<std::uint8_t>(kSettingsSize, 0);
+  std::vector<std::uint8_t> settings_bytes_ = with_limit_switches();
   Variables reported_;  // the part that commands set and reads show
   std::uint16_t errors_ = kIntentionallyDeEnergized | kSafeStartViolation;
   OperationState state_ = OperationState::de_energized;

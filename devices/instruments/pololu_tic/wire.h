@@ -277,11 +277,14 @@ inline std::uint8_t code_from_current(std::uint16_t product, double current) {
 }
 
 /// Offsets of the settings that the driver uses; they survive a loss of power.
-constexpr std::uint16_t kSettingsSize = 0x60;
+constexpr std::uint16_t kSettingsSize = 0x69;
 constexpr std::uint16_t kControlMode = 0x01;  // 0: commands by USB, serial or I2C
 constexpr std::uint16_t kDisableSafeStart = 0x03;
 constexpr std::uint16_t kCommandTimeoutSetting = 0x09;  // ms, 16 bits, 0: never
 constexpr std::uint16_t kSoftErrorResponse = 0x53;
+/// Bits of the pins that are limit switches of a direction (tic_protocol.h); 0: none is.
+constexpr std::uint16_t kLimitSwitchForwardMap = 0x5F;
+constexpr std::uint16_t kLimitSwitchReverseMap = 0x60;
 /// As the soft error response: stops, and keeps its position.
 constexpr std::uint8_t kDecelerateToHold = 2;
 

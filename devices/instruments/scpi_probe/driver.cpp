@@ -31,6 +31,7 @@ class Probe final : public FieldProbe {
 
  private:
   std::string ask(const std::string& question, Time timeout);
+  void send(const std::string& line);
   Identity configure();
   void be_open();
 
@@ -38,6 +39,7 @@ class Probe final : public FieldProbe {
   Dialogue dialogue_;
   FieldProbeInfo info_;
   bool unsure_ = true;  // an older answer may still come
+  Time sent_{};         // when the last line left
   Time asked_{};        // when the last question was with the kernel
   Time answered_{};     // when the first byte of its answer came
 };
@@ -49,7 +51,7 @@ std::string Probe::ask(const std::string& question, Time timeout) {
   if (unsure_) dialogue_.settle(kSilence);
   dialogue_.discard();
   unsure_ = true;
-  dialogue_.send(question + "\n");
+  send(question);
   asked_ = dialogue_.clock().now();
   dialogue_.await(deadline);
   answered_ = dialogue_.clock().now();
@@ -59,6 +61,14 @@ std::string Probe::ask(const std::string& question, Time timeout) {
     unsure_ = false;
     return line;
   }
+}
+
+void Probe::send(const std::string& line) {
+  Clock& clock = dialogue_.clock();
+  if (settings_.pause > 0 && sent_ != Time{})
+    clock.sleep_until(later(sent_, from_seconds(settings_.pause)));
+  dialogue_.send(line + "\n");
+  sent_ = clock.now();
 }
 
 /// Identity, then a clean error queue, the rig file's setup, and whether that was accepted: set
@@ -72,10 +82,11 @@ Identity Probe::configure() {
                    "this is no " + (settings_.model.empty() ? "probe" : settings_.model) + ": " +
                        printable(said));
   dialogue_.identified();
-  dialogue_.send(std::string_view("*CLS\n"));
+  if (!settings_.error_question.empty()) send("*CLS");
   for (const std::string& line : scpi::parts(settings_.setup, '|'))
-    if (!line.empty()) dialogue_.send(line + "\n");
-  const auto error = scpi::error(ask("SYST:ERR?", kReplyTimeout));
+    if (!line.empty()) send(line);
+  if (settings_.error_question.empty()) return *who;
+  const auto error = scpi::error(ask(settings_.error_question, kReplyTimeout));
   if (!error) dialogue_.fail(DeviceErrorKind::protocol, "its error queue cannot be read");
   if (error->code != 0)
     dialogue_.fail(DeviceErrorKind::refused,
@@ -123,6 +134,8 @@ void Settings::check() const {
   if (name.empty()) throw std::invalid_argument("name: must not be empty");
   if (question.empty() || question.size() > 80)
     throw std::invalid_argument("question: must have 1 to 80 characters");
+  if (!std::isfinite(pause) || pause < 0 || pause > 10)
+    throw std::invalid_argument("pause: must be 0 to 10 s");
   if (axes != 1 && axes != 3) throw std::invalid_argument("axes: must be 1 or 3");
   if (!std::isfinite(unit) || unit == 0)
     throw std::invalid_argument("unit: must be a number other than zero");

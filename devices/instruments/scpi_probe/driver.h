@@ -12,9 +12,12 @@
 namespace vitreo::scpi_probe {
 
 struct Settings {
-  std::string name = "field_probe";     ///< in errors
-  std::string model;                    ///< part of the answer to *IDN?; empty: any
-  std::string question = "MEAS:FIEL?";  ///< what asks for the field
+  std::string name = "field_probe";          ///< in errors
+  std::string model;                         ///< part of the answer to *IDN?; empty: any
+  std::string question = "MEAS:FIEL?";       ///< what asks for the field
+  std::string error_question = "SYST:ERR?";  ///< of its error queue; empty: it has none
+  /// s between two lines that are sent: Lake Shore's 421 and 460 lose what comes within 50 ms.
+  double pause = 0;
   std::string setup;   ///< sent when it is opened, lines separated by |; empty: nothing
   int axes = 1;        ///< 1 or 3
   double unit = 1;     ///< T per unit of its numbers

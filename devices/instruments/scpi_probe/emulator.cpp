@@ -56,8 +56,7 @@ class EmulatedProbe final : public BytePeer {
     } else if (line == "SYST:ERR?") {
       speak(complaint_.empty() ? "0,\"No error\"" : std::exchange(complaint_, {}), now);
     } else if (line == settings_.question) {
-      answers_.push_back(
-          {later(now, settings_.duration), later(now, settings_.duration / 2), {}});
+      answers_.push_back({later(now, settings_.duration), later(now, settings_.duration / 2), {}});
     } else {
       complaint_ = "-113,\"Undefined header\"";
     }

@@ -19,6 +19,8 @@ using namespace std::chrono_literals;
 constexpr Time kBetween = 2ms;
 /// After which two bytes were a whole answer: 13 of them take 13.5 ms at 9600 baud.
 constexpr Time kSilence = 20ms;
+/// For the answer to an interrupt.
+constexpr Time kSlowest = 1500ms;
 /// A motion may take this much longer than distance over speed: it accelerates and decelerates.
 constexpr double kMotionFactor = 1.25;
 constexpr Time kMotionMargin = 1s;
@@ -136,6 +138,9 @@ Status Mp285::status() { return *decode_status(block(GetStatus{}, kStatusSize));
 void Mp285::resynchronize() {
   unsure_ = false;
   dialogue.send(encode(Interrupt{}), name_of(Interrupt{}));
+  // Of one that stands still nothing may come; of a slow one the answer must not meet the next
+  // command, which would lock it up.
+  dialogue.await(later(clock().now(), kSlowest));
   dialogue.settle(2 * kSilence);
   moving_ = false;
 }

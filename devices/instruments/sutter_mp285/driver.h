@@ -21,8 +21,10 @@ struct Settings {
   double speed = 1e-3;      ///< m/s
   /// s: opening the port toggles its lines, and the controller starts anew (acq4 waits 1 s).
   double opening_pause = 1.0;
-  double reply_timeout = 0.5;  ///< s, of everything but a motion
-  void check() const;          ///< throws std::invalid_argument naming the setting
+  /// s, of everything but a motion. acq4 allows it 5 to 10 s, and an answer that is not waited for
+  /// must be answered by an interrupt, which locks an MP-285A up (navigate).
+  double reply_timeout = 5;
+  void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
 /// Opens the controller, with what moves stopped; absolute positions from wherever its origin was

@@ -50,6 +50,7 @@ class Chain final : public StageProtocol {
   void check_arrival(bool homing) override;
   void halt() override;
   void send_halt() override;
+  void leave() override;
 
  private:
   Message ask(int device, int axis, const std::string& data);
@@ -64,6 +65,7 @@ class Chain final : public StageProtocol {
   std::optional<Message> answer(int device, int axis, int id, Others& others);
   double number(const Axis& axis, const std::string& setting);
   void set_and_check(int device, int axis, const std::string& setting, std::int64_t value);
+  void keep(int device, int axis, const std::string& setting);
   Identity identify(const AxisSettings& axis);
   StageAxis configure_axis(Axis& axis);
   void set_speed(Axis& axis, double speed);
@@ -72,6 +74,14 @@ class Chain final : public StageProtocol {
   const Settings settings_;
   const char* const unit_;
   std::vector<Axis> axes_;
+  /// Settings that last, as they were found: device, axis, name, value.
+  struct Found {
+    int device;
+    int axis;
+    std::string setting;
+    std::int64_t value;
+  };
+  std::vector<Found> found_;
   int id_ = 0;
   bool checksums_ = false;  // replies have one
 };
@@ -142,6 +152,25 @@ double Chain::number(const Axis& axis, const std::string& setting) {
   return numbers->front();
 }
 
+/// Before it is changed for the first time: the maker's own program must find it as it was.
+void Chain::keep(int device, int axis, const std::string& setting) {
+  const auto same = [&](const Found& one) {
+    return one.device == device && one.axis == axis && one.setting == setting;
+  };
+  if (std::any_of(found_.begin(), found_.end(), same)) return;
+  const auto now = decode_numbers(ask(device, axis, "get " + setting).data);
+  if (now && now->size() == 1)
+    found_.push_back(
+        {device, axis, setting, static_cast<std::int64_t>(std::llround(now->front()))});
+}
+
+/// The last that was changed first, so that the checksums of the replies go last.
+void Chain::leave() {
+  for (auto one = found_.rbegin(); one != found_.rend(); ++one)
+    ask(one->device, one->axis, "set " + one->setting + " " + std::to_string(one->value));
+  found_.clear();
+}
+
 /// A device rounds or clips some settings with a note only, so each is read back.
 void Chain::set_and_check(int device, int axis, const std::string& setting, std::int64_t value) {
   ask(device, axis, "set " + setting + " " + std::to_string(value));
@@ -164,8 +193,10 @@ StageInfo Chain::configure() {
     if (info.identity.name.empty()) info.identity = identity;
   }
   for (const Axis& axis : axes_) {
-    set_and_check(axis.settings.device, 0, "comm.alert", 0);
-    set_and_check(axis.settings.device, 0, "comm.checksum", 1);
+    for (const auto& [setting, value] : {std::pair{"comm.checksum", 1}, {"comm.alert", 0}}) {
+      keep(axis.settings.device, 0, setting);
+      set_and_check(axis.settings.device, 0, setting, value);
+    }
   }
   checksums_ = true;
   halt();
@@ -230,6 +261,7 @@ void Chain::set_speed(Axis& axis, double speed) {
   if (speed == axis.speed) return;
   const std::int64_t data = std::max<std::int64_t>(1, speed_data(speed / axis.unit));
   axis.speed = 0;
+  keep(axis.settings.device, axis.settings.axis, "maxspeed");
   set_and_check(axis.settings.device, axis.settings.axis, "maxspeed", data);
   axis.speed = speed;
 }

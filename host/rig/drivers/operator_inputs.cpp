@@ -93,8 +93,14 @@ Opener<OperatorInput> read_spacemouse(const InstrumentReader& instrument) {
 Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
   foot_pedal::Settings settings;
   settings.name = instrument.role;
-  if (instrument.reader.choice("layout", "xkeys_xk3", {"xkeys_xk3", "infinity"}) == "infinity")
-    settings.layout = foot_pedal::infinity();
+  // The makers' products differ; the address says which it is.
+  const std::string usual = instrument.address.rfind("hid:05f3:04", 0) == 0     ? "xkeys_xk3_0438"
+                            : instrument.address.rfind("hid:05f3:00ff", 0) == 0 ? "infinity"
+                                                                                : "xkeys_xk3";
+  const std::string layout =
+      instrument.reader.choice("layout", usual, {"xkeys_xk3", "xkeys_xk3_0438", "infinity"});
+  if (layout == "infinity") settings.layout = foot_pedal::infinity();
+  if (layout == "xkeys_xk3_0438") settings.layout = foot_pedal::xkeys_xk3_0438();
   if (instrument.emulated())
     return [settings](const RigContext& where) {
       // Never pressed.

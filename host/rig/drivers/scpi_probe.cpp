@@ -15,6 +15,8 @@ Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument) {
   settings.model = reader.text("model", settings.model);
   settings.question = reader.text("question", settings.question);
   settings.setup = reader.text("setup", settings.setup);
+  settings.error_question = reader.text("error_question", settings.error_question);
+  settings.pause = reader.number("pause", settings.pause, {0, 10, "s"});
   settings.axes = reader.integer("axes", 3, 1, 3);
   settings.unit = reader.number("unit", settings.unit, {1e-9, 10, "T"});
   settings.range = reader.number("range", settings.range, {1e-6, 50, "T"});

@@ -11,6 +11,17 @@ SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSe
   if (bus != "tcp")
     place.serial.baud_rate =
         instrument.reader.integer("baud_rate", usual.baud_rate, 300, 4'000'000);
+  if (bus == "serial") {
+    place.serial.data_bits = instrument.reader.integer("data_bits", usual.data_bits, 7, 8);
+    const std::string parity = instrument.reader.choice("parity",
+                                                        usual.parity == Parity::odd    ? "odd"
+                                                        : usual.parity == Parity::even ? "even"
+                                                                                       : "none",
+                                                        {"none", "odd", "even"});
+    place.serial.parity = parity == "odd"    ? Parity::odd
+                          : parity == "even" ? Parity::even
+                                             : Parity::none;
+  }
   return place;
 }
 

@@ -32,7 +32,7 @@ void check_settings(const InstrumentReader& instrument, const Settings& settings
   }
 }
 
-/// Reads `baud_rate` (only of "serial:" addresses) and refuses an address that carries no bytes.
+/// Reads `baud_rate`, `data_bits` and `parity` (only of "serial:" addresses) and refuses an address that carries no bytes.
 /// `usual` holds what the instrument's manual says.
 SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSettings& usual);
 

@@ -29,6 +29,7 @@ Opener<Stage> read_sutter_mp285(const InstrumentReader& instrument) {
   settings.max_speed = reader.number("max_speed", settings.max_speed, speed);
   settings.speed = reader.number("speed", std::min(settings.speed, settings.max_speed), speed);
   settings.opening_pause = reader.number("opening_pause", settings.opening_pause, {0, 10, "s"});
+  settings.reply_timeout = reader.number("reply_timeout", settings.reply_timeout, {0.02, 60, "s"});
   SerialSettings usual;
   usual.rts_cts = reader.flag("rts_cts", false);
   const SerialPlace place = read_serial_place(instrument, usual);

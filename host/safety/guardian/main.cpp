@@ -1,6 +1,7 @@
 // Guardian process: watches the host that started it. When the host dies, or falls silent while
 // something is energized (then it is killed first), it brings the outputs to zero.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/links/node_lock.h"
 #include "devices/time/clock.h"
 #include "devices/time/error.h"
 #include "host/safety/guardian/duty.h"
@@ -81,10 +82,15 @@ void end_host(int host) {
   poll(&end, 1, static_cast<int>(std::chrono::milliseconds(kDeath).count()));
 }
 
-/// Tries every output until each was brought to zero once. 0 when all were, else 1.
-/// Each output is tried on its own in turn, so one that does not open holds up the others for one
-/// attempt only.
-int bring_all_to_zero(std::vector<Duty>& duties) {
+bool is_alive(int host) {
+  pollfd end{host, POLLIN, 0};
+  return ::poll(&end, 1, 0) == 0;
+}
+
+/// Tries every output until each was brought to zero once, or has another owner by now, which
+/// zeroes what it opens. 0 when all were, else 1. Each output is tried on its own in turn, so one
+/// that does not open holds up the others for one attempt only.
+int bring_all_to_zero(std::vector<Duty>& duties, int host) {
   const auto clock = wall_clock();
   const auto began = Steady::now();
   std::vector<Duty*> left;
@@ -97,6 +103,13 @@ int bring_all_to_zero(std::vector<Duty>& duties) {
         const std::chrono::duration<double, std::milli> took = Steady::now() - began;
         std::fprintf(stderr, "vitreo guardian: %s is at zero, after %.1f ms\n",
                      duty->address().c_str(), took.count());
+        return true;
+      } catch (const OwnedError& error) {
+        why = error.what();
+        // A host that cannot be killed, or has sent this process away, may still have it itself.
+        if (is_alive(host)) return false;
+        std::fprintf(stderr, "vitreo guardian: %s has another owner by now: left to it\n",
+                     duty->address().c_str());
         return true;
       } catch (const std::exception& error) {  // busy with the host that dies, unplugged, silent
         why = error.what();
@@ -136,7 +149,7 @@ int guard(pid_t host_pid) {
     case Verdict::leave:
       return 0;
     case Verdict::leave_unsure:
-      return bring_all_to_zero(duties);
+      return bring_all_to_zero(duties, host);
     case Verdict::host_hangs:
       std::fprintf(stderr, "vitreo guardian: the host has not moved for %d ms; it is killed\n",
                    static_cast<int>(kSilence.count()));
@@ -146,7 +159,7 @@ int guard(pid_t host_pid) {
       break;
   }
   end_host(host);
-  return bring_all_to_zero(duties);
+  return bring_all_to_zero(duties, host);
 }
 
 }  // namespace

@@ -240,7 +240,7 @@ struct EightSupplies : Silence {
       listeners.push_back(std::make_unique<Listener>(*emulators.back()));
     }
   }
-  std::unique_ptr<kepco_bop::Amplifier> open_all() {
+  std::unique_ptr<CoilAmplifier> open_all() {
     std::vector<std::unique_ptr<ByteLink>> links;
     for (std::size_t i = 0; i < 8; ++i)
       links.push_back(

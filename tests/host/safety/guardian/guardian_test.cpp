@@ -89,7 +89,6 @@ struct Amplifier {
 };
 
 struct Usb : Amplifier {
-  Usb() { testbed->set_exclusive(plug); }
   ~Usb() override { testbed.reset(); }
   std::string rig() const override {
     return R"(coils = { driver = "usb3103", address = "hid:09db:009c", enable_line = 0 })";
