@@ -71,7 +71,6 @@ class Plugged {
   Plugged(const Plugged&) = delete;
   Plugged& operator=(const Plugged&) = delete;
   virtual ~Plugged() {
-    own(nullptr);
     g_signal_handlers_disconnect_by_data(handler_, this);
     g_object_unref(handler_);
   }
@@ -98,7 +97,6 @@ class Plugged {
     umockdev_testbed_detach_ioctl(testbed, node_.c_str(), nullptr);
   }
   virtual void set_fault(UsbFault fault) { fault_ = fault; }
-  void set_exclusive() { exclusive_ = true; }
   // The node's link leads to it, for clients that poll; no data of the device goes through it.
   const PtyNode& pty() const { return pty_; }
 
@@ -106,8 +104,6 @@ class Plugged {
   virtual gboolean ioctl(UMockdevIoctlClient* client, unsigned long request,
                          UMockdevIoctlData* arg) = 0;
   virtual gboolean read(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
-  /// Drops what waited for an owner before this one, as the kernel does with the file.
-  virtual void forget() {}
   virtual gboolean write(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
 
   std::mutex& mutex_;
@@ -116,7 +112,6 @@ class Plugged {
   PtyNode pty_;  // for poll()
   bool gone_ = false;
   UsbFault fault_ = UsbFault::none;
-  bool exclusive_ = false;
 
  private:
   static gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
@@ -135,34 +130,15 @@ class Plugged {
       return me.write(client, umockdev_ioctl_client_get_arg(client));
     });
   }
-  /// Every request under the testbed's lock. ENODEV once it is unplugged, EBUSY for a second owner
-  /// of an exclusive device.
+  /// Every request under the testbed's lock. ENODEV once it is unplugged.
   template <class Work>
   gboolean serve(UMockdevIoctlClient* client, Work work) {
     const std::lock_guard lock(mutex_);
     if (gone_) return done(client, -1, ENODEV);
-    if (exclusive_ && owner_ != nullptr && owner_ != client &&
-        umockdev_ioctl_client_get_connected(owner_))
-      return done(client, -1, EBUSY);
-    if (exclusive_) own(client);
     return work(*this);
   }
 
-  /// A weak pointer: a client that dies in the middle of a request never counts as disconnected,
-  /// but is destroyed.
-  void own(UMockdevIoctlClient* client) {
-    if (owner_ == client) return;
-    if (owner_ != nullptr)
-      g_object_remove_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
-    owner_ = client;
-    if (owner_ == nullptr) return;
-    g_object_add_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
-    forget();
-  }
-
   UMockdevIoctlBase* const handler_;
-  // Of an exclusive device; null again when umockdev has dropped it.
-  UMockdevIoctlClient* owner_ = nullptr;
 };
 
 /// usbfs: control transfers come as URBs (USB request blocks) that are submitted and later reaped
@@ -342,10 +318,6 @@ class PluggedHid final : public Plugged {
     return done(client, static_cast<long>(size));
   }
 
-  void forget() override {
-    for (; !reports_.empty(); reports_.pop_front()) pty_.take_byte();
-  }
-
   // Called under the testbed's lock: by a request's handler, or in with_emulators().
   void put(Bytes report) {
     if (fault_ == UsbFault::silent || gone_) return;
@@ -438,10 +410,6 @@ class Umockdev final : public UsbTestbed {
   void set_fault(int plug, UsbFault fault) override {
     const std::lock_guard lock(mutex_);
     plugged_.at(plug)->set_fault(fault);
-  }
-  void set_exclusive(int plug) override {
-    const std::lock_guard lock(mutex_);
-    plugged_.at(plug)->set_exclusive();
   }
   void with_emulators(const std::function<void()>& work) override {
     const std::lock_guard lock(mutex_);
