@@ -170,6 +170,13 @@ Made new_driver(const std::string& name, const std::string& role) {
   };
   for (const char* part : {"wire.h", "driver.h", "driver.cpp", "emulator.h", "emulator.cpp"})
     write_new(made, drivers / name / part, renamed(drivers / model.driver / part));
+  // Of an output that can do harm: what the guardian needs of it.
+  if (fs::exists(drivers / model.driver / "rescue.cpp")) {
+    for (const char* part : {"rescue.h", "rescue.cpp"})
+      write_new(made, drivers / name / part, renamed(drivers / model.driver / part));
+    add_row(made, drivers / "rescue.cpp", "instruments/" + model.driver + "/rescue.h", model, name);
+    add_row(made, drivers / "rescue.cpp", model.driver + "::rescue_row(", model, name);
+  }
   write_new(made, "host/rig/drivers/" + name + ".cpp",
             renamed("host/rig/drivers/" + model.driver + ".cpp"));
   write_new(made, tests / (name + "_test.cpp"), renamed(tests / (model.driver + "_test.cpp")));
