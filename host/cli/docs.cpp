@@ -5,6 +5,7 @@
 #include "host/lua/engine/library.h"
 #include "host/lua/reference/api_reference.h"
 #include "host/lua/reference/editor_files.h"
+#include "host/rig/machine/udev_rules.h"
 
 #include <fmt/format.h>
 
@@ -112,7 +113,7 @@ int list_pages(bool json) {
   if (json)
     std::cout << rows.dump() << "\n";
   else
-    fmt::print("\nprinted by the program itself: api, man, luacheck, stubs FOLDER\nin {}\n",
+    fmt::print("\nprinted by the program itself: api, man, luacheck, udev, stubs FOLDER\nin {}\n",
                docs_folder().string());
   return 0;
 }
@@ -159,7 +160,8 @@ int docs(const CommandLine& line, const std::string& page, const std::string& in
                                    lua::script_modules(Program::in_data_folder("scripts")));
        }},
       {"luacheck", [] { return lua::luacheck_standard(lua::library()); }},
-      {"man", [&line] { return manual(line); }}};
+      {"man", [&line] { return manual(line); }},
+      {"udev", [] { return machine::udev_rules(); }}};
   if (const auto found = printed.find(page); found != printed.end())
     return print_page(page, found->second(), json);
   const auto all = pages();
@@ -177,7 +179,7 @@ int docs(const CommandLine& line, const std::string& page, const std::string& in
 }  // namespace
 
 std::vector<std::string> page_names() {
-  std::vector<std::string> names{"api", "luacheck", "man", "stubs"};
+  std::vector<std::string> names{"api", "luacheck", "man", "stubs", "udev"};
   for (const auto& [name, file] : pages()) names.push_back(name);
   return names;
 }
@@ -193,7 +195,7 @@ void add_docs(CommandLine& line, Program&) {
       "docs", "the documentation: a list of its pages, or one of them",
       [&line, wanted] { return docs(line, wanted->page, wanted->into, wanted->json); });
   command.option("page", wanted->page,
-                 "safety, optics, ...; api, man, luacheck and stubs are made by the program");
+                 "safety, optics, ...; api, man, luacheck, udev and stubs are made by the program");
   command.option("into", wanted->into, "of stubs: the folder for what editors read");
   command.flag("--json", wanted->json,
                "as JSON: the list, {\"page\", \"text\"}, or the stubs' files");

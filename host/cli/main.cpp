@@ -42,6 +42,7 @@ int dispatch(int count, char** words) {
   cli::add_test(line, program);
   cli::add_records(line, program);
   cli::add_devices(line, program);
+  cli::add_doctor(line, program);
   cli::add_faults(line, program);
   cli::add_soak(line, program);
   cli::add_attach(line, program);

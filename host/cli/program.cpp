@@ -114,7 +114,7 @@ std::string exit_codes_text() {
          "6  the script did not respond to an abort: the devices are safe, the record is closed\n"
          "7  an instrument is missing\n"
          "8  the preflight failed: nothing was opened (vitreo check; vitreo run on a laboratory "
-         "rig)\n";
+         "rig); vitreo doctor: something must be mended\n";
 }
 
 // Shared by `run`, `view`, `test` and the prompt, so that one option has one meaning and one text.

@@ -69,6 +69,7 @@ void add_check(CommandLine& line, Program& program);
 void add_control(CommandLine& line, Program& program);
 void add_describe(CommandLine& line, Program& program);
 void add_devices(CommandLine& line, Program& program);
+void add_doctor(CommandLine& line, Program& program);
 void add_faults(CommandLine& line, Program& program);
 void add_mask(CommandLine& line, Program& program);
 void add_soak(CommandLine& line, Program& program);

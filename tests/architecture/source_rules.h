@@ -217,7 +217,8 @@ inline const std::set<std::string> kStd = words(
 inline const std::set<std::string> kImpure = words(
     "chrono ctime thread mutex condition_variable future filesystem fstream iostream csignal");
 inline const std::set<std::string> kPosix = words(
-    "dirent.h dlfcn.h errno.h fcntl.h glob.h netdb.h poll.h pthread.h pty.h pwd.h sched.h "
+    "dirent.h dlfcn.h errno.h fcntl.h fnmatch.h glob.h netdb.h poll.h pthread.h pty.h pwd.h "
+    "sched.h "
     "semaphore.h signal.h spawn.h "
     "stdlib.h termios.h time.h unistd.h");
 inline const Strings kPosixFolders{"arpa/", "asm/", "linux/", "netinet/", "sys/"};

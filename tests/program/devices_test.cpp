@@ -242,6 +242,21 @@ TEST(Laboratory, OpensUnchangedAmongEmulatedInstruments) {
   EXPECT_EQ(roles["stage"]["firmware"], "3.12");
 }
 
+// The doctor sees them as the drivers do: below /sys and /dev.
+TEST(Laboratory, IsHereForTheDoctor) {
+  const GigePort port;
+  const Workplace place;
+  const Spoken spoken = place.vitreo(kAmongEmulators + "doctor --json --rig " + kLaboratory);
+  std::map<std::string, std::string> found;
+  for (const auto& finding : nlohmann::json::parse(spoken.out))
+    if (finding["check"] == "instruments") found[finding["state"]] += finding["found"];
+  EXPECT_EQ(
+      found["good"],
+      "here: coils, field_probe, joystick, lamp, lens_mover, pedal, rotation_stage and stage");
+  EXPECT_EQ(found.count("fault"), 0u) << found["fault"];
+  EXPECT_NE(found["unknown"].find("side_camera and top_camera"), std::string::npos);
+}
+
 TEST(Laboratory, IsListedWithTheDriversThatWouldTakeIt) {
   const GigePort port;
   const Workplace place;
