@@ -242,6 +242,18 @@ TEST(Laboratory, OpensUnchangedAmongEmulatedInstruments) {
   EXPECT_EQ(roles["stage"]["firmware"], "3.12");
 }
 
+TEST(Laboratory, EightSuppliesWhoseAddressesALoopMadeOpenAsOneAmplifier) {
+  const GigePort port;  // its TCP ports are fixed too
+  const Workplace place;
+  const Spoken spoken =
+      place.vitreo("emulate octomag_bop -- '" VITREO_PROGRAM "' devices --json --rig octomag_bop");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
+  const nlohmann::json coils = roles_of(spoken)["coils"];
+  EXPECT_TRUE(coils.value("present", false)) << coils;
+  EXPECT_EQ(coils["limits"]["channels"], 8);
+  EXPECT_EQ(coils["identity"].get<std::string>().rfind("8 x KEPCO", 0), 0U) << coils;
+}
+
 TEST(Laboratory, IsListedWithTheDriversThatWouldTakeIt) {
   const GigePort port;
   const Workplace place;
