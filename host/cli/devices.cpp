@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/engine/run_result.h"
 #include "host/record/record_json.h"
+#include "host/rig/asking.h"
 #include "host/rig/emulate.h"
 #include "host/rig/instruments.h"
 #include "host/rig/plugged_in.h"
@@ -16,6 +18,7 @@ namespace {
 struct DeviceWords {
   std::string rig;
   std::string test;
+  std::string ask;
   std::vector<std::string> command;
   bool json = false;
   std::uint64_t seed = 1;
@@ -38,6 +41,17 @@ int test_role(Program& program, const DeviceWords& wanted) {
   return findings.empty() ? 0 : static_cast<int>(ExitCode::aborted);
 }
 
+/// What is sent is shown before it is sent; 7: nothing that a driver knows.
+int ask_what_is_there(const DeviceWords& wanted) {
+  if (!wanted.rig.empty()) throw ConfigError("--ask is for an address, and not for a rig");
+  const auto clock = wall_clock();
+  const auto before = [](const AskingPlan& plan) { fmt::print(stderr, "{}", to_text(plan)); };
+  const auto tell = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
+  const AskingResult result = ask_address(wanted.ask, *clock, before, tell);
+  fmt::print("{}", wanted.json ? dumped(to_json(result)) + "\n" : to_text(result));
+  return static_cast<int>(result.found.empty() ? ExitCode::device_missing : ExitCode::completed);
+}
+
 /// The emulated laboratory, for a command, whose runs find a technician there, or until Ctrl-C.
 int emulate(const RigDescription& rig, const DeviceWords& wanted) {
   if (wanted.command.empty()) {
@@ -55,6 +69,7 @@ int emulate(const RigDescription& rig, const DeviceWords& wanted) {
 // Without a rig the buses are listed, and no port is asked anything: a question could move
 // something. With one, each role is opened by the driver that the rig file names.
 int devices(Program& program, const DeviceWords& wanted) {
+  if (!wanted.ask.empty()) return ask_what_is_there(wanted);
   if (!wanted.test.empty()) return test_role(program, wanted);
   const nlohmann::json rows =
       wanted.rig.empty() ? find_instruments()
@@ -75,9 +90,13 @@ void add_devices(CommandLine& line, Program& program) {
       .option("--test", wanted->test,
               "a role: run its contract suite (it moves, it drives currents!)")
       .needs("--rig");
+  command.option(
+      "--ask", wanted->ask,
+      "an address: ask what is there, and print its table for a rig file; what is sent is "
+      "shown before, and moves nothing (it stops an MP-285 that moves)");
   command.flag("--json", wanted->json, "as JSON, SI units");
-  command.examples({"vitreo devices", "vitreo devices --rig lab.lua",
-                    "vitreo devices --rig lab.lua --test stage"});
+  command.examples({"vitreo devices", "vitreo devices --ask /dev/ttyUSB0",
+                    "vitreo devices --rig lab.lua", "vitreo devices --rig lab.lua --test stage"});
 
   // A command sees emulated USB only from within umockdev-wrapper, so the program starts itself
   // anew.

@@ -168,7 +168,8 @@ Made new_driver(const std::string& name, const std::string& role) {
     const std::string text = replaced(template_text(from), model.driver, name);
     return replaced(text, model.camel, camel_case(name));
   };
-  for (const char* part : {"wire.h", "driver.h", "driver.cpp", "emulator.h", "emulator.cpp"})
+  for (const char* part : {"wire.h", "driver.h", "driver.cpp", "emulator.h", "emulator.cpp",
+                           "identification.h", "identification.cpp"})
     write_new(made, drivers / name / part, renamed(drivers / model.driver / part));
   // Of an output that can do harm: what the guardian needs of it.
   if (fs::exists(drivers / model.driver / "rescue.cpp")) {
@@ -181,10 +182,11 @@ Made new_driver(const std::string& name, const std::string& role) {
             renamed("host/rig/drivers/" + model.driver + ".cpp"));
   write_new(made, tests / (name + "_test.cpp"), renamed(tests / (model.driver + "_test.cpp")));
   add_row(made, "host/rig/drivers/drivers.h", "read_" + model.driver + "(", model, name);
+  add_row(made, "host/rig/registry.cpp", "instruments/" + model.driver + "/", model, name);
   add_row(made, "host/rig/registry.cpp", "{\"" + model.driver + "\"", model, name);
   made.next = "it begins as " + model.driver +
-              ": change wire.h and emulator.h first, then driver.cpp, until the tests are your "
-              "instrument's; "
+              ": change wire.h and emulator.h first, then driver.cpp and identification.cpp, until "
+              "the tests are your instrument's; "
               "vitreo docs add_an_instrument";
   return made;
 }

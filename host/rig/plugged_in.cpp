@@ -2,9 +2,9 @@
 #include "host/rig/plugged_in.h"
 
 #include "devices/instruments/genicam/driver.h"
-#include "devices/instruments/pololu_tic/wire.h"
 #include "devices/links/hid_link.h"
 #include "devices/links/usb_link.h"
+#include "host/rig/registry.h"
 
 #include <algorithm>
 #include <functional>
@@ -53,11 +53,10 @@ Json row_of(const SerialPort& port) {
 
 }  // namespace
 
-// By vendor and product numbers: Measurement Computing's USB-3103, Pololu's Tics, 3Dconnexion under
-// 046D (Logitech) and 256F, foot pedals under 05F3 (PI Engineering).
 // Nothing is opened for it: vendor and product numbers are in the descriptors that the system has
-// read already.
+// read already. Of several drivers the registry's first.
 std::string driver_for(int vendor, int product) {
+<<<<<<< HEAD
   const auto is = [product](std::initializer_list<int> ids) {
     return std::find(ids.begin(), ids.end(), product) != ids.end();
   };
@@ -72,25 +71,41 @@ std::string driver_for(int vendor, int product) {
       is({0xC62E, 0xC62F, 0xC631, 0xC632, 0xC633, 0xC635, 0xC636, 0xC638, 0xC63A, 0xC652}))
     return "spacemouse";
   if (vendor == 0x05F3 && is({0x0268, 0x00FF, 0x0438, 0x0439, 0x043A, 0x04E8})) return "foot_pedal";
+=======
+  for (const IdentifiedDriver& driver : identified_drivers())
+    if (usb_kind(driver.identification, vendor, product) != nullptr) return driver.name;
+>>>>>>> 05d20141647fc613513943039c95ca7e2ab50222
   return "";
 }
 
-// A name in the adapter's descriptor decides; a plain adapter leaves every driver that uses a
-// serial port possible.
+const UsbKind* usb_kind(const Identification& identification, int vendor, int product) {
+  for (const UsbKind& kind : identification.usb)
+    if (kind.vendor == vendor &&
+        std::find(kind.products.begin(), kind.products.end(), product) != kind.products.end())
+      return &kind;
+  return nullptr;
+}
+
+// Its own numbers decide first, then a name in the adapter's descriptor; a plain adapter (FTDI,
+// CP210x, PL2303, CH340, a port of the machine) leaves every driver possible whose instruments have
+// no numbers of their own.
 std::vector<std::string> drivers_for(const SerialPort& port) {
-  if (port.usb) {
-    const auto says = [&port](const char* word) {
-      return name_of(*port.usb).find(word) != std::string::npos;
-    };
-    if (port.usb->vendor == 0x1342 && port.usb->product == 0x0001) return {"sutter_mpc200"};
-    if (says("Zaber")) return {"zaber"};
-    if (says("Kepco") || says("KEPCO")) return {"kepco_bop"};
-    if (says("Sutter")) return {"sutter_mp285", "sutter_mpc200"};
+  std::vector<std::string> own, named, plain;
+  for (const auto& [name, identification] : identified_drivers()) {
+    if (!identification.question) continue;
+    if (identification.usb.empty()) plain.push_back(name);
+    if (!port.usb) continue;
+    if (usb_kind(identification, port.usb->vendor, port.usb->product) != nullptr)
+      own.push_back(name);
+    const std::vector<std::string>& words = identification.words;
+    if (std::any_of(words.begin(), words.end(), [&port](const std::string& word) {
+          return name_of(*port.usb).find(word) != std::string::npos;
+        }))
+      named.push_back(name);
   }
-  // Any adapter (FTDI, CP210x, PL2303, CH340, a port of the machine) may have any of these behind
-  // it.
-  // The MPC-200 is not among them: its USB identity is its own.
-  return {"kepco_bop", "scpi_probe", "sutter_mp285", "zaber"};
+  std::vector<std::string> drivers = !own.empty() ? own : !named.empty() ? named : plain;
+  std::sort(drivers.begin(), drivers.end());
+  return drivers;
 }
 
 Json find_instruments() {

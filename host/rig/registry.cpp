@@ -1,10 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/registry.h"
 
+#include "devices/instruments/foot_pedal/identification.h"
+#include "devices/instruments/kepco_bop/identification.h"
+#include "devices/instruments/led_lamp/identification.h"
 #include "devices/instruments/opencv_camera/driver.h"
+#include "devices/instruments/pololu_tic/identification.h"
+#include "devices/instruments/scpi_probe/identification.h"
+#include "devices/instruments/spacemouse/identification.h"
+#include "devices/instruments/sutter_mp285/identification.h"
+#include "devices/instruments/sutter_mpc200/identification.h"
+#include "devices/instruments/usb3103/identification.h"
+#include "devices/instruments/zaber/identification.h"
 #include "devices/links/address.h"
 #include "host/rig/drivers/drivers.h"
 
+#include <algorithm>
 #include <stdexcept>
 
 namespace vitreo {
@@ -12,23 +23,24 @@ namespace vitreo {
 template <>
 const std::vector<DriverEntry<CoilAmplifier>>& drivers() {
   static const std::vector<DriverEntry<CoilAmplifier>> entries{
-      {"usb3103", read_usb3103},
-      {"kepco_bop", read_kepco_bop},
+      {"usb3103", read_usb3103, usb3103::identification},
+      {"kepco_bop", read_kepco_bop, kepco_bop::identification},
   };
   return entries;
 }
 
 template <>
 const std::vector<DriverEntry<LensMover>>& drivers() {
-  static const std::vector<DriverEntry<LensMover>> entries{{"pololu_tic", read_pololu_tic}};
+  static const std::vector<DriverEntry<LensMover>> entries{
+      {"pololu_tic", read_pololu_tic, pololu_tic::identification}};
   return entries;
 }
 
 template <>
 const std::vector<DriverEntry<OperatorInput>>& drivers() {
   static const std::vector<DriverEntry<OperatorInput>> entries{
-      {"spacemouse", read_spacemouse},
-      {"foot_pedal", read_foot_pedal},
+      {"spacemouse", read_spacemouse, spacemouse::identification},
+      {"foot_pedal", read_foot_pedal, foot_pedal::identification},
   };
   return entries;
 }
@@ -47,9 +59,9 @@ const std::vector<DriverEntry<Camera>>& drivers() {
 template <>
 const std::vector<DriverEntry<Stage>>& drivers() {
   static const std::vector<DriverEntry<Stage>> entries{
-      {"zaber", read_zaber},
-      {"sutter_mp285", read_sutter_mp285},
-      {"sutter_mpc200", read_sutter_mpc200},
+      {"zaber", read_zaber, zaber::identification},
+      {"sutter_mp285", read_sutter_mp285, sutter_mp285::identification},
+      {"sutter_mpc200", read_sutter_mpc200, sutter_mpc200::identification},
       {"simulated", read_simulated_stage},
   };
   return entries;
@@ -58,7 +70,7 @@ const std::vector<DriverEntry<Stage>>& drivers() {
 template <>
 const std::vector<DriverEntry<RotationStage>>& drivers() {
   static const std::vector<DriverEntry<RotationStage>> entries{
-      {"zaber", read_zaber_rotary},
+      {"zaber", read_zaber_rotary, zaber::identification},
       {"simulated", read_simulated_rotation},
   };
   return entries;
@@ -67,7 +79,7 @@ const std::vector<DriverEntry<RotationStage>>& drivers() {
 template <>
 const std::vector<DriverEntry<FieldProbe>>& drivers() {
   static const std::vector<DriverEntry<FieldProbe>> entries{
-      {"scpi_probe", read_scpi_probe},
+      {"scpi_probe", read_scpi_probe, scpi_probe::identification},
       {"simulated", read_simulated_probe},
   };
   return entries;
@@ -75,8 +87,37 @@ const std::vector<DriverEntry<FieldProbe>>& drivers() {
 
 template <>
 const std::vector<DriverEntry<Lamp>>& drivers() {
-  static const std::vector<DriverEntry<Lamp>> entries{{"led", read_led_lamp}};
+  static const std::vector<DriverEntry<Lamp>> entries{
+      {"led", read_led_lamp, led_lamp::identification}};
   return entries;
+}
+
+namespace {
+
+template <class Role>
+void add_identified(std::vector<IdentifiedDriver>& all) {
+  for (const auto& entry : drivers<Role>()) {
+    const bool known = std::any_of(all.begin(), all.end(), [&](const IdentifiedDriver& driver) {
+      return driver.name == entry.name;
+    });
+    if (entry.identification != nullptr && !known)
+      all.push_back({entry.name, entry.identification()});
+  }
+}
+
+}  // namespace
+
+std::vector<IdentifiedDriver> identified_drivers() {
+  std::vector<IdentifiedDriver> all;
+  add_identified<CoilAmplifier>(all);
+  add_identified<Lamp>(all);
+  add_identified<LensMover>(all);
+  add_identified<OperatorInput>(all);
+  add_identified<Camera>(all);
+  add_identified<Stage>(all);
+  add_identified<RotationStage>(all);
+  add_identified<FieldProbe>(all);
+  return all;
 }
 
 // The syntax alone is checked: whether something is there is seen when it is opened.

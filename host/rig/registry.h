@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/links/byte_link.h"
+#include "devices/links/identification.h"
 #include "devices/links/usb_address.h"
 #include "devices/roles/camera.h"
 #include "devices/roles/coil_amplifier.h"
@@ -65,11 +66,13 @@ template <class Role>
 using Opener = std::function<Opened<Role>(const RigContext&)>;
 
 /// One line of the registry. `read` takes the instrument's own settings with their bounds; it
-/// throws ConfigError.
+/// throws ConfigError. `identification` tells how one is found that is plugged in; null where a
+/// search of its own finds it (cameras), or nothing does.
 template <class Role>
 struct DriverEntry {
   const char* name;
   Opener<Role> (*read)(const InstrumentReader&);
+  Identification (*identification)() = nullptr;
 };
 
 /// All that can play the role; the first one is taken when a rig file names none, but for a pedal
@@ -93,6 +96,15 @@ template <>
 const std::vector<DriverEntry<FieldProbe>>& drivers();
 template <>
 const std::vector<DriverEntry<Lamp>>& drivers();
+
+/// A driver by its name in rig files, with how its instruments are found.
+struct IdentifiedDriver {
+  std::string name;
+  Identification identification;
+};
+/// Those of all roles that can be found by numbers on USB or by a question; each once, in the order
+/// of the registry.
+std::vector<IdentifiedDriver> identified_drivers();
 
 /// `address` of a role's table, checked; "emulated" when it is not there.
 std::string read_address(ConfigReader& reader);

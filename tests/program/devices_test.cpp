@@ -200,6 +200,45 @@ TEST(Devices, RunsTheContractSuiteOfEachSimulatedRole) {
   EXPECT_NE(none.err.find("rotation_stage"), std::string::npos) << none.err;
 }
 
+TEST(Devices, AsksWhatIsAtAPortAndPrintsATableThatARigFileTakes) {
+  const GigePort port;
+  const Workplace place;
+  place.write("rig.lua",
+              "return { stage = { driver = 'sutter_mp285', address = 'serial:/dev/ttyUSB7' } }");
+  Emulate emulate(place, "rig.lua");
+  const auto offered = emulate.offers("stage");
+  ASSERT_EQ(offered.count("stage"), 1U) << place.read("told");
+  const std::string node = offered.at("stage").substr(7);
+  const Spoken spoken = place.vitreo("devices --ask " + node);
+  EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
+  EXPECT_NE(spoken.err.find("will be sent"), std::string::npos) << "it is said beforehand";
+  EXPECT_LT(spoken.err.find("any byte stops a Sutter MP-285"),
+            spoken.err.find("sutter_mp285 at 9600 baud: Sutter MP-285"))
+      << spoken.err;
+  place.write("asked.lua", "return {\n" + spoken.out + "}\n");
+  auto roles = roles_of(place.vitreo("devices --json --rig asked.lua"));
+  EXPECT_TRUE(roles["stage"].value("present", false)) << roles["stage"] << spoken.out;
+  const auto json = nlohmann::json::parse(place.vitreo("devices --json --ask " + node).out);
+  EXPECT_EQ(json["found"][0]["driver"], "sutter_mp285");
+  EXPECT_EQ(json["found"][0]["baud_rate"], 9600);
+}
+
+TEST(Devices, AskingSaysWhatCannotBeAskedAndWhy) {
+  const Workplace place;
+  const auto told = [&](const std::string& words, int code, const std::string& text) {
+    const Spoken spoken = place.vitreo("devices --ask " + words);
+    EXPECT_EQ(spoken.exit_code, code) << words << spoken.err;
+    EXPECT_NE(spoken.err.find(text), std::string::npos) << words << ": " << spoken.err;
+    EXPECT_EQ(spoken.err.find("will be sent"), std::string::npos) << words;
+  };
+  told("/dev/none", 7, "there is no such port");
+  told("ttyUSB0", 2, "is not BUS:PLACE");
+  told("emulated", 2, "there is nothing to be asked on this bus");
+  told("hid:09db", 2, "hid:09db");
+  told("hid:09db:009c", 7, "nothing with these numbers is plugged in");
+  told("/dev/none --rig simulated", 2, "--ask is for an address");
+}
+
 #ifndef __SANITIZE_ADDRESS__  // umockdev refuses to run beside it
 // The whole way of a person's work: question, hands in the emulated world, answer, photograph.
 TEST(Laboratory, TheEmulatedTechnicianDoesWhatARunAsksForAndTheRunKnowsNoSimulator) {
@@ -257,6 +296,18 @@ TEST(Laboratory, IsHereForTheDoctor) {
   EXPECT_NE(found["unknown"].find("side_camera and top_camera"), std::string::npos);
 }
 
+TEST(Laboratory, EightSuppliesWhoseAddressesALoopMadeOpenAsOneAmplifier) {
+  const GigePort port;  // its TCP ports are fixed too
+  const Workplace place;
+  const Spoken spoken =
+      place.vitreo("emulate octomag_bop -- '" VITREO_PROGRAM "' devices --json --rig octomag_bop");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
+  const nlohmann::json coils = roles_of(spoken)["coils"];
+  EXPECT_TRUE(coils.value("present", false)) << coils;
+  EXPECT_EQ(coils["limits"]["channels"], 8);
+  EXPECT_EQ(coils["identity"].get<std::string>().rfind("8 x KEPCO", 0), 0U) << coils;
+}
+
 TEST(Laboratory, IsListedWithTheDriversThatWouldTakeIt) {
   const GigePort port;
   const Workplace place;
@@ -273,6 +324,23 @@ TEST(Laboratory, IsListedWithTheDriversThatWouldTakeIt) {
   EXPECT_EQ(drivers["hid:256f:c635:1"], "spacemouse");
   EXPECT_EQ(drivers["hid:05f3:0268:1"], "foot_pedal");
   EXPECT_EQ(drivers["genicam:Aravis-Fake-VITREO01"], "genicam");
+}
+
+TEST(Laboratory, AsksForADeviceOnUsbByItsNumbersAndForCamerasByDiscovery) {
+  const GigePort port;
+  const Workplace place;
+  const Spoken hid = place.vitreo(kAmongEmulators + "devices --ask hid:09db:009c:01A2B3C4");
+  EXPECT_EQ(hid.exit_code, 0) << hid.err;
+  EXPECT_NE(hid.out.find("coils = { -- "), std::string::npos) << hid.out;
+  EXPECT_NE(hid.out.find("  address = \"hid:09db:009c:01A2B3C4\",\n"), std::string::npos)
+      << hid.out;
+  EXPECT_NE(hid.out.find("-- lamp = { -- "), std::string::npos) << "or it is a lamp's: " << hid.out;
+  const Spoken cameras = place.vitreo(kAmongEmulators + "devices --json --ask genicam");
+  ASSERT_EQ(cameras.exit_code, 0) << cameras.err;
+  const auto found = nlohmann::json::parse(cameras.out)["found"];
+  ASSERT_EQ(found.size(), 2U) << found;
+  EXPECT_NE(found[0]["tables"][0]["text"].get<std::string>().find("width_px = "), std::string::npos)
+      << found;
 }
 
 TEST(Laboratory, ItsInstrumentsKeepTheirContractsOnTheSystemsOwnPath) {

@@ -302,7 +302,10 @@ TEST(NewDriver, BeginsAsADriverOfItsRoleUnderItsOwnNameAndCompiles) {
   std::filesystem::copy(source / "host/rig/registry.cpp", place.folder() / "host/rig");
   const Spoken made = place.vitreo("new driver acme_stage stage");
   ASSERT_EQ(made.exit_code, 0) << made.err;
-  EXPECT_TRUE(contains(place.read("host/rig/registry.cpp"), "{\"acme_stage\", read_acme_stage}"));
+  EXPECT_TRUE(contains(place.read("host/rig/registry.cpp"),
+                       "{\"acme_stage\", read_acme_stage, acme_stage::identification}"));
+  EXPECT_TRUE(contains(place.read("host/rig/registry.cpp"),
+                       "#include \"devices/instruments/acme_stage/identification.h\""));
   EXPECT_TRUE(contains(place.read("tests/devices/instruments/acme_stage_test.cpp"), "AcmeStage"));
   for (const char* file :
        {"devices/instruments/acme_stage/driver.cpp", "devices/instruments/acme_stage/wire.h"})
@@ -312,6 +315,7 @@ TEST(NewDriver, BeginsAsADriverOfItsRoleUnderItsOwnNameAndCompiles) {
                          "' && c++ -std=c++20 -fsyntax-only -I . -I '" + source.string() +
                          "' -I /usr/include/eigen3 devices/instruments/acme_stage/driver.cpp "
                          "devices/instruments/acme_stage/emulator.cpp "
+                         "devices/instruments/acme_stage/identification.cpp "
                          "tests/devices/instruments/acme_stage_test.cpp 2>said")
                             .c_str()),
             0)

@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -59,6 +60,10 @@ struct Context {
   bool short_of_memory = false;              // an allocation was refused
   std::string trace, where;                  // of the last error: the trace, and "file:line: "
   std::string stopped_at;                    // "file:line: " at which the first stop was felt
+
+  // Of a file that is only being read (arm_reading_limit).
+  std::int64_t reading_left = 0;  // instructions
+  double reading_ends = 0;        // s of the thread's own time
 
   std::vector<std::function<void()>> closers;  // end what the script left open; in reverse order
   std::vector<int> deferred;                   // references of run:defer's functions

@@ -5,6 +5,8 @@
 #include "host/lua/interpreter/context.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <ctime>
 
 namespace vitreo::lua {
 namespace {
@@ -25,8 +27,27 @@ void stop_hook(lua_State* L, lua_Debug*) {
   raise_stop(L);
 }
 
-/// For files that are read without a run, such as a rig's: an endless loop in one ends here.
+// Of a file that is only being read. The count ends a loop without an end; the time ends one whose
+// instructions are few and long, such as those that copy a text of megabytes.
+constexpr int kReadingStep = 100;  // instructions between two looks
+constexpr std::int64_t kMostInstructions =
+    20'000'000;                     // a few tenths of a second; files need thousands
+constexpr double kMostReading = 2;  // s of the thread's own time
+
+/// s: what other threads and programs do does not count.
+double thread_seconds() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+/// For files that are read without a run, such as a rig's: an endless loop in one ends here. The
+/// budget is the state's: a coroutine inherits the hook, and has none of its own.
 void limit_hook(lua_State* L, lua_Debug*) {
+  Context& context = context_of(L);
+  context.reading_left -= kReadingStep;
+  if (context.reading_left > 0 && thread_seconds() < context.reading_ends) return;
+  if (context.session == nullptr && context.stopped_at.empty()) context.stopped_at = where(L);
   push_stop(L);
   lua_error(L);
 }
@@ -75,9 +96,10 @@ void arm_stop(lua_State* L) noexcept {
 }
 
 void arm_reading_limit(lua_State* L) {
-  constexpr int kInstructions =
-      20'000'000;  // a few tenths of a second; a file of constants needs thousands
-  lua_sethook(L, limit_hook, LUA_MASKCOUNT, kInstructions);
+  Context& context = context_of(L);
+  context.reading_left = kMostInstructions;
+  context.reading_ends = thread_seconds() + kMostReading;
+  lua_sethook(L, limit_hook, LUA_MASKCOUNT, kReadingStep);
 }
 
 }  // namespace vitreo::lua

@@ -308,6 +308,7 @@ ProtocolDescription describe_protocol(const Library& library, const std::string&
   try {
     in_lua(L, 0, [&] {
       load_text(L, protocol.text, file);
+      state.context().running = L;  // for the line of an error of the memory
       arm_reading_limit(L);
       lua_call(L, 0, 1);
       lua_sethook(L, nullptr, 0, 0);

@@ -1,12 +1,14 @@
-// Rig files: constants written in Lua, turned into plain data.
+// Rig files: data that is written, or computed, in Lua, turned into plain data.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config_base.h"
 #include "host/config/config_lines.h"
+#include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
 #include "host/lua/interpreter/stop.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/script/reading.h"
+#include "host/lua/script/rig_environment.h"
 
 #include <algorithm>
 #include <cmath>
@@ -88,24 +90,10 @@ class Converter {
   const RigDescription& rig_;
 };
 
-/// The environment of a rig file: units, math without random numbers, and `require "units"`,
-/// nothing else. Two readings must give the same rig, so there is neither clock nor chance.
-void push_constants_only(lua_State* L) {
-  lua_newtable(L);
-  push_units(L);
-  lua_setfield(L, -2, "units");
-  lua_getglobal(L, LUA_MATHLIBNAME);
-  for (const char* name : {"random", "randomseed"}) {
-    lua_pushnil(L);
-    lua_setfield(L, -2, name);
-  }
-  lua_setfield(L, -2, LUA_MATHLIBNAME);
-  lua_getglobal(L, "require");
-  lua_setfield(L, -2, "require");
-  lua_pushglobaltable(L);
-  lua_getmetatable(L, -1);  // reading what is not there is an error with a suggestion
-  lua_setmetatable(L, -3);
-  lua_pop(L, 1);
+/// With the line at which the reading was given up.
+std::string too_long(const Context& context, const std::string& file) {
+  const std::string place = context.stopped_at.empty() ? file + ": " : context.stopped_at;
+  return place + "the file takes too long to read: is there a loop without an end?";
 }
 
 /// One file, without what it builds on. Throws ScriptError with file and line.
@@ -113,13 +101,14 @@ RigDescription read_alone(const Library& library, const RigSource& source) {
   RigDescription rig;
   rig.file = source.file, rig.text = source.text;
   const std::string& file = rig.file;
-  State state(library, nullptr, {});  // no folders: require gives the units only
+  State state(library, nullptr, {});
   lua_State* const L = state.main();
   try {
     in_lua(L, 0, [&] {
       load_text(L, rig.text, file);
-      push_constants_only(L);
+      push_rig_environment(L);
       lua_setupvalue(L, -2, 1);
+      state.context().running = L;  // for the line of an error of the memory
       arm_reading_limit(L);
       lua_call(L, 0, 1);
       lua_sethook(L, nullptr, 0, 0);
@@ -130,7 +119,7 @@ RigDescription read_alone(const Library& library, const RigSource& source) {
       lua_settop(L, 0);
     });
   } catch (const Stopped&) {
-    throw ScriptError(file + ": takes too long to read: a rig file holds constants");
+    throw ScriptError(too_long(state.context(), file));
   }
   return rig;
 }

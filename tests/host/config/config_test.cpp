@@ -282,6 +282,43 @@ TEST(FindLine, LooksIntoCallsAndElsewhereWhereATableIsComputed) {
   EXPECT_EQ(find_line(text, "b.other"), 7);
 }
 
+TEST(FindLine, FollowsWhatAFunctionOfTheTextReturns) {
+  const std::
+      string
+          text =
+              "local function camera(n)\n return { driver = 'genicam',\n adress = n }\nend\n"  // 1
+                                                                                               // to
+                                                                                               // 4
+              "local function stage(n)\n local t = { driver = 'zaber' }\n t.adress = n\n return "
+              "t\nend\n"                                                                // 9
+              "local lamp = function()\n local t = {\n adress = 1 }\n return t\nend\n"  // 14
+              "return { top = camera(1), stage = stage 'x',\n turn = stage { 'y' }, lamp = "
+              "lamp(),\n"  // 16
+              " other = elsewhere(3) }";
+  EXPECT_EQ(find_line(text, "top.adress"), 3);
+  EXPECT_EQ(find_line(text, "stage.driver"), 6);
+  EXPECT_EQ(find_line(text, "stage.adress"), 7) << "a call by a string";
+  EXPECT_EQ(find_line(text, "turn.adress"), 7);
+  EXPECT_EQ(find_line(text, "lamp.adress"), 12) << "another function's t";
+  EXPECT_EQ(find_line(text, "top.missing"), 15);
+  EXPECT_EQ(find_line(text, "other.nothing"), 17);
+}
+
+TEST(FindLine, FollowsKeysThatALoopComputes) {
+  const std::string text =
+      "local rig = { title = 'x' }\nlocal bodies = {}\n"                                    // 1, 2
+      "for i = 1, 3 do\n bodies[#bodies + 1] = {\n shape = 'disc',\n semi_axs = i } end\n"  // 3 to
+                                                                                            // 6
+      "for _, name in ipairs { 'top_camera', 'side_camera' } do\n"                          // 7
+      " rig[name] = { driver = 'genicam',\n adress = name }\nend\n"        // 8 to 10
+      "rig.truth = { bodies = bodies,\n first = bodies[1] }\nreturn rig";  // 11
+  EXPECT_EQ(find_line(text, "truth.bodies.2.semi_axs"), 6);
+  EXPECT_EQ(find_line(text, "truth.first.shape"), 5);
+  EXPECT_EQ(find_line(text, "side_camera.adress"), 9);
+  EXPECT_EQ(find_line(text, "side_camera"), 8);
+  EXPECT_EQ(find_line(text, "title"), 1) << "a key that is written as it is counts first";
+}
+
 TEST(FindLine, CountsLinesAsLuaDoesAndTakesTheLastOfTwo) {
   EXPECT_EQ(find_line("return {\r\n a = 1,\r\n b = 2 }", "b"), 3);
   EXPECT_EQ(find_line("return {\r a = [[\r\r]],\r b = 2 }", "b"), 5);
