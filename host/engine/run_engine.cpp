@@ -29,7 +29,7 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
   // Check, rehearse, prepare, open, conduct; up to open_record() nothing is written.
   const CheckedRequest checked = check_request(engine, request);
   Preparation preparation = prepare(engine, request, checked, listener);
-  RunStage stage = open_stage(request, checked.rig);
+  RunStage stage = open_stage(request, checked.rig, listener);
   check_calibrations(request, checked.rig, *stage.rig, preparation);
   open_record(stage, request, checked.protocol, to_json(checked.arguments), checked.rig);
   const auto script = [&](Session& session) {
@@ -51,7 +51,7 @@ RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressLi
   // A prompt has no declared parameters with limits, so it is not for technicians; nor is there a
   // script to rehearse.
   Rights::of(rig).require_researcher(operator_of(request), "the prompt");
-  RunStage stage = open_stage(request, rig);
+  RunStage stage = open_stage(request, rig, listener);
   Preparation preparation;
   check_calibrations(request, rig, *stage.rig, preparation);
   ProtocolDescription prompt;
