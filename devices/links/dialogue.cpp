@@ -141,6 +141,7 @@ void Dialogue::settle(Time silence) {
 /// What the bytes since the opening began say about an error of it; to be put behind its text.
 /// Empty where they say nothing.
 std::string Dialogue::cause() const {
+  if (!history_.asked()) return "";  // the link itself failed
   const std::string looks = identified_ ? "" : history_.appearance();
   if (!looks.empty()) return "; " + looks;
   if (!history_.lateness().empty()) return "; " + history_.lateness() + ": is it slow?";
@@ -157,7 +158,7 @@ std::string Dialogue::cause() const {
 // Nothing is sent for it: a byte that one instrument ignores makes another one move or stop.
 void Dialogue::explain(const DeviceError& error) {
   if (error.kind == DeviceErrorKind::lost || error.kind == DeviceErrorKind::out_of_range) throw;
-  if (error.kind == DeviceErrorKind::timeout && history_.silent()) {
+  if (error.kind == DeviceErrorKind::timeout && history_.asked() && history_.silent()) {
     try {
       history_.gave_up(clock_.now());
       fill(later(clock_.now(), kLastListening));

@@ -27,6 +27,8 @@ class LineHistory {
   bool owed() const { return given_up_.has_value(); }
   /// Whether nothing came since the last question.
   bool silent() const { return exchange_.heard.empty(); }
+  /// Whether anything was sent since begin().
+  bool asked() const { return !opening_.sent.empty(); }
   /// Whether nothing came since begin().
   bool silent_from_the_beginning() const { return opening_.heard.empty(); }
 

@@ -3,11 +3,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-<<<<<<< HEAD
-=======
 #include "devices/links/dialogue.h"
 #include "devices/links/identification.h"
->>>>>>> 05d20141647fc613513943039c95ca7e2ab50222
 #include "devices/time/identity.h"
 
 #include <charconv>

@@ -1,6 +1,8 @@
 // `vitreo show RUN`: summary of a run, what was asked, what came out, what is recorded.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/links/printable.h"
 #include "host/cli/commands.h"
+#include "host/engine/link_trace.h"
 #include "host/files/digest.h"
 #include "host/record/parameter_text.h"
 #include "host/record/record_json.h"
@@ -10,8 +12,11 @@
 #include "host/text/terminal_text.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <ostream>
+#include <set>
+#include <vector>
 
 namespace vitreo {
 namespace {
@@ -73,6 +78,9 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
   for (const Stream& stream : data.streams)
     out << fmt::format("stream {:<21} {} samples, {} channels, {}\n", stream.info.name,
                        stream.times.size(), stream.info.channels.size(), stream.info.source);
+  if (!data.links.empty())
+    out << fmt::format("links  {:<21} {} lines: vitreo show {} --links\n", "", data.links.size(),
+                       data.folder.filename().string());
   const nlohmann::json numbers = summary(data);
   for (const auto& [camera, counts] : numbers.at("frames").items())
     out << fmt::format("frames {:<21} {} recorded, {} dropped\n", camera,
@@ -84,7 +92,36 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
   out << "report: " << (data.folder / "report.html").string() << "\n";
 }
 
+/// Texts as they are printed, bytes in hexadecimal.
+nlohmann::json json_of(const std::vector<LinkRow>& rows) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const LinkRow& row : rows)
+    list.push_back({{"time", to_seconds(row.time)},
+                    {"role", row.role},
+                    {"address", row.address},
+                    {"event", row.event},
+                    {"text", printable(row.bytes, row.bytes.size())},
+                    {"hex", fmt::format("{:02x}", fmt::join(row.bytes, ""))}});
+  return list;
+}
+
 }  // namespace
+
+int show_links(const std::filesystem::path& folder, const std::string& role, bool json,
+               std::ostream& out) {
+  std::vector<LinkRow> rows = read_run(folder).links;
+  if (rows.empty())
+    throw RecordError(folder.string() +
+                      ": has no bytes of links; vitreo run --trace-links records them");
+  std::set<std::string> roles;
+  for (const LinkRow& row : rows) roles.insert(row.role);
+  if (!role.empty() && !roles.contains(role))
+    throw RecordError(fmt::format("{}: no link of the role {} was traced, only of {}",
+                                  folder.string(), role, fmt::join(roles, ", ")));
+  if (!role.empty()) std::erase_if(rows, [&](const LinkRow& row) { return row.role != role; });
+  out << (json ? dumped(json_of(rows)) + "\n" : to_text(rows));
+  return 0;
+}
 
 int show_run(const std::filesystem::path& folder, bool json, std::ostream& out) {
   const RunData data = read_run(folder);

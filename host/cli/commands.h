@@ -24,6 +24,10 @@ struct RunFilter {
 int list_runs(const std::filesystem::path& parent, const RunFilter& filter, bool json,
               std::ostream& out);
 int show_run(const std::filesystem::path& folder, bool json, std::ostream& out);
+/// What passed on the links of a run that was traced; `role`: of that role alone, empty: of all.
+/// Throws RecordError where there is none.
+int show_links(const std::filesystem::path& folder, const std::string& role, bool json,
+               std::ostream& out);
 /// 0: whole; 1: problems, which are listed.
 int verify_command(const std::filesystem::path& folder, bool json, std::ostream& out);
 int recover_command(const std::filesystem::path& folder, bool json, std::ostream& out);

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/rig/registry.h"
 #include "host/runs/run_reader.h"
 
 #include <fmt/format.h>
@@ -127,6 +128,7 @@ Words value_words(const std::string& option) {
   if (option == "--rig") return stems(Program::rig_files());
   if (option == "--outcome")
     return {"completed", "failed", "stopped", "aborted", "lost", "running", "unreadable"};
+  if (option == "--role" || option == "--test") return role_names();
   return {};  // the shell's files
 }
 

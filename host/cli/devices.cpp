@@ -12,6 +12,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace vitreo::cli {
 namespace {
 
@@ -67,7 +69,8 @@ int emulate(const RigDescription& rig, const DeviceWords& wanted) {
 }
 
 // Without a rig the buses are listed, and no port is asked anything: a question could move
-// something. With one, each role is opened by the driver that the rig file names.
+// something. With one, each role is opened by the driver that the rig file names; the exit code
+// says whether all are there.
 int devices(Program& program, const DeviceWords& wanted) {
   if (!wanted.ask.empty()) return ask_what_is_there(wanted);
   if (!wanted.test.empty()) return test_role(program, wanted);
@@ -75,7 +78,10 @@ int devices(Program& program, const DeviceWords& wanted) {
       wanted.rig.empty() ? find_instruments()
                          : examine_rig(program.engine().load_rig(Program::rig_file(wanted.rig)));
   fmt::print("{}", wanted.json ? dumped(rows) + "\n" : to_text(rows));
-  return 0;
+  const auto is_missing = [](const nlohmann::json& row) { return !row.value("present", true); };
+  return std::any_of(rows.begin(), rows.end(), is_missing)
+             ? static_cast<int>(ExitCode::device_missing)
+             : 0;
 }
 
 }  // namespace

@@ -130,6 +130,9 @@ void add_run_options(Command& command, RunOptions& options) {
               "breaks a simulated instrument: ROLE:KIND:after=3s,lasting=1s,by=80ms; `vitreo "
               "faults` lists the kinds")
       .one_word_each();
+  command.flag("--trace-links", options.request.how.trace_links,
+               "every byte between the host and its instruments goes into the record: vitreo show "
+               "RUN --links");
   command
       .option("--frames", options.request.what.frames,
               "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth), "

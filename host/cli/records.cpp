@@ -24,6 +24,8 @@ struct RecordWords {
   RunFilter filter;
   bool json = false;
   bool png = false;
+  bool links = false;
+  std::string role;
   // When the action runs, not while the line is parsed: --runs may stand behind the run's name.
   std::filesystem::path folder() const { return find_run(run, parent); }
 };
@@ -72,9 +74,16 @@ void add_records(CommandLine& line, Program& program) {
   runs.option("--newest", wanted->filter.newest, "only so many").between(1, 1000000);
   runs.examples(
       {"vitreo runs --protocol servo_square --newest 5", "vitreo runs --outcome failed --json"});
-  add_one("show", "what a run was asked, what came out, what is recorded", [wanted, &w] {
-    return show_run(w.folder(), w.json, std::cout);
-  }).examples({"vitreo show last"});
+  Command shown =
+      add_one("show", "what a run was asked, what came out, what is recorded", [wanted, &w] {
+        return w.links ? show_links(w.folder(), w.role, w.json, std::cout)
+                       : show_run(w.folder(), w.json, std::cout);
+      });
+  shown.flag("--links", wanted->links,
+             "instead: what passed between the host and its instruments, of a run with "
+             "--trace-links");
+  shown.option("--role", wanted->role, "with --links: of this role alone").needs("--links");
+  shown.examples({"vitreo show last", "vitreo show last --links --role stage"});
   add_one("verify", "whether a run's record is whole: hashes, counts, every frame", [wanted, &w] {
     return verify_command(w.folder(), w.json, std::cout);
   }).examples({"vitreo verify last"});

@@ -217,6 +217,7 @@ void close_record(RunStage& stage, Verdict& verdict, const std::string& location
   // The two times are results like any other, so that runs can be compared by them.
   const double experiment_time = to_seconds(stage.clock->now());
   const double wall_time = wall_seconds() - began;
+  stage.traced.end();
   stage.recorder->result({"experiment_time", experiment_time, "s"});
   stage.recorder->result({"wall_time", wall_time, "s"});
   try {

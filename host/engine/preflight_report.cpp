@@ -5,6 +5,7 @@
 #include "host/text/columns.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
@@ -59,6 +60,8 @@ std::string to_text(const PreflightReport& report) {
   text += "disk: at least " + size_text(static_cast<std::uint64_t>(report.disk_bytes)) + "\n";
   for (const std::string& warning : report.warnings) text += "warning: " + warning + "\n";
   for (const std::string& problem : report.problems) text += "problem: " + problem + "\n";
+  if (!report.not_looked_at.empty())
+    text += fmt::format("not looked at: {}\n", fmt::join(report.not_looked_at, "; "));
   return text + (report.passed() ? "passed\n" : "failed\n");
 }
 
@@ -75,6 +78,7 @@ nlohmann::json to_json(const PreflightReport& report) {
           {"fully_simulated", report.simulated},
           {"problems", report.problems},
           {"warnings", report.warnings},
+          {"not_looked_at", report.not_looked_at},
           {"duration", report.duration},
           {"coils",
            {{"peak", report.coils.peak},

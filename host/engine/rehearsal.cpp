@@ -13,6 +13,7 @@
 #include "host/text/units.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <condition_variable>
@@ -21,6 +22,7 @@
 #include <pthread.h>
 #include <thread>
 #include <unistd.h>
+#include <variant>
 
 namespace vitreo {
 namespace {
@@ -299,6 +301,30 @@ std::optional<PreflightReport> rehearse_on_twin(ScriptEngine& engine, const RunR
   return rehearse(engine, request, checked);
 }
 
+namespace {
+
+/// What only open instruments would show; nothing of a rig that has none.
+std::vector<std::string> not_looked_at(const RigDescription& rig, const std::string& rig_file) {
+  std::vector<std::string> instruments;
+  for (const std::string& role : real_roles(rig)) {
+    const std::string address = text_of(std::get<ConfigTable>(rig.table.at(role).value), "address");
+    if (!address.empty() && !is_recording(address)) instruments.push_back(role);  // else a person
+  }
+  if (instruments.empty()) return {};
+  std::vector<std::string> gaps{
+      fmt::format("whether {} {} there and answer{} (vitreo devices --rig "
+                  "{})",
+                  fmt::join(instruments, ", "), instruments.size() == 1 ? "is" : "are",
+                  instruments.size() == 1 ? "s" : "", rig_file)};
+  const std::vector<Calibration> calibrations = Calibrations::of(rig).list;
+  if (std::any_of(calibrations.begin(), calibrations.end(),
+                  [](const Calibration& one) { return !one.devices.empty(); }))
+    gaps.emplace_back("whether the calibrations are of these instruments");
+  return gaps;
+}
+
+}  // namespace
+
 PreflightReport preflight(ScriptEngine& engine, const RunRequest& request,
                           const PreflightLimits& limits) {
   const double began = wall_seconds();
@@ -306,6 +332,7 @@ PreflightReport preflight(ScriptEngine& engine, const RunRequest& request,
   const double checked_in = wall_seconds() - began;
   PreflightReport report = rehearse(engine, request, checked, limits);
   report.arguments_time = checked_in;
+  report.not_looked_at = not_looked_at(checked.rig, request.where.rig_file);
   return report;
 }
 

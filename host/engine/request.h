@@ -33,6 +33,7 @@ struct RunRequest {
     std::string operator_name;        // empty: whose account it is
     std::string override_reason;      // a researcher's, to run although the preflight fails
     std::vector<std::string> faults;  // of simulated instruments: see host/session/faults.h
+    bool trace_links = false;         // every byte of every link goes into the record
     WatchdogLimits watchdog{};
     std::vector<Face*> faces{};                 // borrowed: the page, the control socket
     SimulationShifts shifts{};                  // tests only

@@ -25,7 +25,7 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
   const std::optional<PreflightReport> rehearsed =
       rehearse_on_twin(engine, request, checked, listener);
   Preparation preparation = prepare(request, rehearsed, listener);
-  RunStage stage = open_stage(request, checked);
+  RunStage stage = open_stage(request, checked, listener);
   check_calibrations(request, checked.rig, stage.devices, preparation);
   open_record(stage, request, checked);
   const auto script = [&](Session& session) {
@@ -45,7 +45,7 @@ RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressLi
   // A prompt has no declared parameters with limits, so it is not for technicians.
   Rights::of(checked.rig).require_researcher(operator_of(request), "the prompt");
   Preparation preparation;
-  RunStage stage = open_stage(request, checked);
+  RunStage stage = open_stage(request, checked, listener);
   check_calibrations(request, checked.rig, stage.devices, preparation);
   open_record(stage, request, checked);
   const auto statements = [&](Session& session) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/engine/stage.h"
 
+#include "devices/time/error.h"
 #include "host/engine/versions.h"
 #include "host/rig/identities.h"
 #include "host/rig/registry.h"
@@ -9,7 +10,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <chrono>
+#include <iterator>
+#include <span>
+#include <sstream>
 #include <thread>
 
 namespace vitreo {
@@ -88,11 +93,25 @@ RecordLimits record_limits(bool real_time, const std::shared_ptr<DiskFaults>& di
   return limits;
 }
 
+/// The last of what passed on the links of the role that failed; of all where the error names none
+/// of them.
+void show_trace(const LinkTrace& trace, const DeviceError& error, ProgressListener& listener) {
+  constexpr std::size_t kShown = 40;
+  std::vector<LinkRow> rows;
+  std::copy_if(trace.waiting().begin(), trace.waiting().end(), std::back_inserter(rows),
+               [&](const LinkRow& row) { return row.role == error.device; });
+  if (rows.empty()) rows = trace.waiting();
+  const std::size_t first = rows.size() - std::min(kShown, rows.size());
+  std::istringstream lines(to_text(std::span(rows).subspan(first)));
+  for (std::string line; std::getline(lines, line);) listener.message(line);
+}
+
 }  // namespace
 
 // The clock comes before the rig, whose devices wait on it from their first byte on. One real
 // instrument is enough to make the whole run real time.
-RunStage open_stage(const RunRequest& request, const CheckedRequest& checked) {
+RunStage open_stage(const RunRequest& request, const CheckedRequest& checked,
+                    ProgressListener& listener) {
   RunStage stage;
   stage.rights = Rights::of(checked.rig);
   const std::vector<std::string> real_ones = real_roles(checked.rig);
@@ -102,7 +121,14 @@ RunStage open_stage(const RunRequest& request, const CheckedRequest& checked) {
   // Instruments keep the wall clock's pace, whatever was asked for.
   stage.pace = real ? Pace::real_time : request.how.pace;
   stage.clock = real ? wall_clock() : virtual_clock(stage.pace);
-  stage.rig = open_rig(checked.rig, *stage.clock, request.how.seed, request.how.shifts);
+  if (request.how.trace_links) stage.trace = std::make_unique<LinkTrace>();
+  try {
+    stage.rig = open_rig(checked.rig, *stage.clock, request.how.seed, request.how.shifts,
+                         stage.trace.get());
+  } catch (const DeviceError& error) {
+    if (stage.trace) show_trace(*stage.trace, error, listener);
+    throw;
+  }
   stage.devices = identities(stage.rig->rig());
   if (!real) stage.breakable = simulated_roles(stage.rig->resolved());
   check_faults(stage.faults, stage.breakable);
@@ -115,6 +141,7 @@ void open_record(RunStage& stage, const RunRequest& request, const CheckedReques
                                  record_limits(stage.pace == Pace::real_time, stage.disk));
   // The recorder (host/record) does not know the report (host/runs).
   stage.recorder->set_report([](const RunData& data) { return report_html(data); });
+  if (stage.trace) stage.traced = {*stage.trace, *stage.recorder};
 }
 
 }  // namespace vitreo

@@ -58,6 +58,13 @@ Statement& Statement::bind(int index, std::string_view text) {
   return *this;
 }
 
+Statement& Statement::bind(int index, std::span<const std::uint8_t> bytes) {
+  const void* data = bytes.empty() ? static_cast<const void*>("") : bytes.data();  // null: NULL
+  if (sqlite3_bind_blob64(handle_.get(), index, data, bytes.size(), SQLITE_TRANSIENT) != SQLITE_OK)
+    fail(sqlite3_db_handle(handle_.get()));
+  return *this;
+}
+
 // Resets at the end and after an error, so that the statement can run again and holds no lock.
 // Bindings survive the reset: an insert that runs again keeps what is not bound anew.
 bool Statement::step() {
@@ -87,6 +94,13 @@ std::string Statement::text(int column) const {
   return data ? std::string(data,
                             static_cast<std::size_t>(sqlite3_column_bytes(handle_.get(), column)))
               : "";
+}
+
+std::vector<std::uint8_t> Statement::bytes(int column) const {
+  const auto* data = static_cast<const std::uint8_t*>(sqlite3_column_blob(handle_.get(), column));
+  const auto size = static_cast<std::size_t>(sqlite3_column_bytes(handle_.get(), column));
+  return data != nullptr ? std::vector<std::uint8_t>(data, data + size)
+                         : std::vector<std::uint8_t>();
 }
 
 // PRIVATECACHE whatever the process' default is: with a shared cache two connections of this

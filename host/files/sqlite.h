@@ -6,8 +6,10 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace vitreo {
 
@@ -23,6 +25,7 @@ class Statement {
   Statement& bind(int index, std::int64_t value);
   Statement& bind(int index, double value);  // a NaN becomes NULL, as SQLite has it
   Statement& bind(int index, std::string_view text);
+  Statement& bind(int index, std::span<const std::uint8_t> bytes);  // a BLOB, copied
   /// Runs to the next row; false at the end, and the statement is ready again.
   bool step();
   /// Runs it once, for statements without rows.
@@ -33,6 +36,7 @@ class Statement {
     return sqlite3_column_type(handle_.get(), column) == SQLITE_NULL;
   }
   std::string text(int column) const;
+  std::vector<std::uint8_t> bytes(int column) const;
 
  private:
   struct Finalize {

@@ -8,6 +8,7 @@
 #include "host/text/units.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -102,6 +103,9 @@ std::string canonical_export(const RunData& data) {
                                  picture.png.size());
     out += "picture " + one_line(picture.name) + " " + sha256(bytes) + "\n";
   }
+  for (const LinkRow& row : data.links)
+    out += fmt::format("link {} {} {} {} {:02x}\n", row.time.count(), one_line(row.role),
+                       one_line(row.address), row.event, fmt::join(row.bytes, ""));
   return out;
 }
 

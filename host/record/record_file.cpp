@@ -227,6 +227,28 @@ void RecordFile::module(const Module& module) {
   row_written();
 }
 
+// The table comes with the first row: most runs trace nothing. It may be there already, from a
+// transaction before one that failed.
+void RecordFile::link(std::size_t number, const LinkRow& row) {
+  if (!link_insert_) {
+    begin();
+    database_.execute(kLinkTable);
+    commit();
+    link_insert_ = database_.prepare("INSERT OR IGNORE INTO link VALUES(?,?,?,?,?,?)");
+  }
+  write([&] {
+    link_insert_->bind(1, whole(number) + 1)
+        .bind(2, std::int64_t{row.time.count()})
+        .bind(3, row.role)
+        .bind(4, row.address)
+        .bind(5, row.event)
+        .bind(6, std::span(row.bytes))
+        .run();
+  });
+  bytes_ += 32 + row.bytes.size();  // about
+  row_written();
+}
+
 void RecordFile::camera(const RecordedCameraInfo& info) {
   write([&] {
     database_.prepare("INSERT OR IGNORE INTO camera VALUES(?,?,?,?,?)")
@@ -306,6 +328,7 @@ void RecordFile::write_again(const RunData& data, const std::vector<FrameRow>& f
   each(data.tables, [&](std::size_t i, const Table& one) { table(i, one); });
   each(data.pictures, [&](std::size_t i, const Picture& one) { picture(i, one); });
   each(data.modules, [&](std::size_t, const Module& one) { module(one); });
+  each(data.links, [&](std::size_t i, const LinkRow& one) { link(i, one); });
   each(data.cameras, [&](std::size_t, const RecordedCameraInfo& one) { camera(one); });
   each(frames, [&](std::size_t i, const FrameRow& one) { frame(i, one); });
   commit();
@@ -340,6 +363,7 @@ void RecordFile::close() {
   commit();
   // Before the change of journal mode: a statement that is open holds the database.
   inserts_.clear();
+  link_insert_.reset();
   try {
     database_.execute("PRAGMA busy_timeout=250");
     database_.execute("PRAGMA wal_checkpoint(TRUNCATE)");

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -34,6 +35,7 @@ class RecordFile {
   void table(std::size_t number, const Table& table);
   void picture(std::size_t number, const Picture& picture);
   void module(const Module& module);
+  void link(std::size_t number, const LinkRow& row);
   void camera(const RecordedCameraInfo& info);
   void frame(std::size_t number, const FrameRow& row);
   /// Commits what has waited for 100 ms, and waits for the disk where commits did for 400 ms: at a
@@ -62,7 +64,8 @@ class RecordFile {
 
   std::filesystem::path wal_;  // where commits go first
   Database database_;
-  std::vector<Statement> inserts_;  // one a stream
+  std::vector<Statement> inserts_;        // one a stream
+  std::optional<Statement> link_insert_;  // with the first row, and its table
   bool in_transaction_ = false;
   bool lost_rows_ = false;
   bool unsynced_ = false;  // a commit may not be on the disk yet

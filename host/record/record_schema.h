@@ -34,4 +34,9 @@ inline constexpr const char* kRecordSchema = R"(
                     experiment_time REAL, wall_time REAL, counts TEXT, dropped TEXT, held REAL);
 )";
 
+// Made when the first byte of a traced link is recorded; a run without it has no such table.
+inline constexpr const char* kLinkTable =
+    "CREATE TABLE IF NOT EXISTS link(seq INTEGER PRIMARY KEY, t_ns INTEGER, role TEXT, "
+    "address TEXT, event TEXT, bytes BLOB)";
+
 }  // namespace vitreo

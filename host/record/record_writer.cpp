@@ -129,6 +129,22 @@ struct RecordWriter::State {
     if (now) work.notify_one();
   }
 
+  /// What does not fit is in the caller's memory, and written from there at the end.
+  void push_or_leave(Job job) {
+    {
+      const std::lock_guard lock(mutex);
+      if (queued_rows >= limits.queued_rows) {
+        left_out = true;
+        return;
+      }
+      queue.push_back(std::move(job));
+      ++queued_rows;
+      if (queued_rows < kWakeRows) return;
+      wake = true;
+    }
+    work.notify_one();
+  }
+
   /// False: dropped and counted. The next frame that is recorded states how many were lost before
   /// it.
   bool push_frame(std::size_t camera, const Frame& frame) {
@@ -293,6 +309,7 @@ struct RecordWriter::State {
   std::vector<std::uint64_t> pending_drops;  // since the camera's last recorded frame
   std::vector<std::uint64_t> dropped;        // in all
   double held = 0;
+  bool left_out = false;  // rows that the queue had no room for
   // For callers, without the lock.
   std::atomic<bool> has_failed{false};
   std::atomic<bool> has_alarms{false};
@@ -319,6 +336,11 @@ void RecordWriter::post(std::function<void(RecordFile&)> job, bool at_once) {
   } catch (const std::runtime_error&) {  // fault came while it waited
     if (!state_->has_failed) throw;
   }
+}
+
+void RecordWriter::offer(std::function<void(RecordFile&)> job) {
+  if (state_->has_failed) return;
+  state_->push_or_leave(OtherJob{std::move(job)});
 }
 
 void RecordWriter::add_camera(const RecordedCameraInfo& info) {
@@ -384,7 +406,7 @@ void RecordWriter::late_event(std::size_t number, const Event& event) noexcept {
 
 void RecordWriter::finish(const RunEnd& end, const RunData& data) {
   state_->disk.give_up_reserve();  // now there is room for what a full disk kept out
-  const bool whole = !state_->has_failed;
+  const bool whole = !state_->has_failed && !state_->left_out;
   state_->file.end(end, data, whole ? std::vector<FrameRow>{} : state_->store.rows(), whole);
 }
 

@@ -43,6 +43,8 @@ class RecordWriter {
   /// Anything else that goes into run.sqlite, such as an event; after a fault it is left to
   /// finish(). `at_once`: the writer is woken for it.
   void post(std::function<void(RecordFile&)> job, bool at_once);
+  /// As post(), but where the queue is full it does not wait: the row is left to finish().
+  void offer(std::function<void(RecordFile&)> job);
   /// A camera whose frames follow; they count from 0 in the order of these calls.
   void add_camera(const RecordedCameraInfo& info);
   /// False: dropped, because the disk is behind.

@@ -147,6 +147,7 @@ const std::vector<SvgDrawing>& Recorder::drawings() const { return state_->data.
 const std::vector<Table>& Recorder::tables() const { return state_->data.tables; }
 const std::vector<Picture>& Recorder::pictures() const { return state_->data.pictures; }
 const std::vector<Event>& Recorder::events() const { return state_->data.events; }
+const std::vector<LinkRow>& Recorder::links() const { return state_->data.links; }
 const RunEnd* Recorder::end() const { return state_->data.end ? &*state_->data.end : nullptr; }
 const RunData& Recorder::data() const { return state_->data; }
 const Stream* Recorder::stream(const std::string& name) const { return state_->data.stream(name); }
@@ -298,6 +299,16 @@ void Recorder::picture(const std::string& name, const std::string& caption, cons
     file.picture(number, picture);
   };
   state_->writer.post(write, false);
+}
+
+// Called in the middle of an exchange, with the coils' zeros among them: a slow disk must not hold
+// it up.
+void Recorder::link(const LinkRow& row) {
+  state_->must_be_open();
+  auto& links = state_->data.links;
+  links.push_back(row);
+  state_->writer.offer(
+      [row, number = links.size() - 1](RecordFile& file) { file.link(number, row); });
 }
 
 // The text as it was when it was required: a file that is edited during the run is recorded as it

@@ -59,6 +59,9 @@ class Recorder {
   /// Stored as PNG.
   void picture(const std::string& name, const std::string& caption, const cv::Mat& image);
 
+  /// What passed on a link. It never waits for the disk: what the queue has no room for is written
+  /// at the end.
+  void link(const LinkRow& row);
   /// A Lua file that the scripts required; once a name.
   void module(const Module& module);
   /// States a camera whose frames follow; returns its number. std::invalid_argument when it is
@@ -76,6 +79,7 @@ class Recorder {
   const std::vector<Table>& tables() const;
   const std::vector<Picture>& pictures() const;
   const std::vector<Event>& events() const;
+  const std::vector<LinkRow>& links() const;
   std::vector<FrameRow> frames() const;  // waits until they are written
   /// All of it; frames and dropped only after finish().
   const RunData& data() const;
@@ -103,9 +107,9 @@ class Recorder {
   std::unique_ptr<State> state_;
 };
 
-/// All streams, frames, results, events and pictures (hashed) as text: the bytes that two runs of
-/// one seed must share. No run id, no wall-clock fields: results named wall_... are left out, and
-/// alarms of the disk.
+/// All streams, frames, results, events, pictures (hashed) and traced bytes as text: the bytes that
+/// two runs of one seed must share. No run id, no wall-clock fields: results named wall_... are
+/// left out, and alarms of the disk.
 std::string canonical_export(const RunData& data);
 std::string canonical_export(const Recorder& recorder);
 

@@ -145,6 +145,15 @@ struct RecordedCameraInfo {
   double effective_pixel = 0;  // m of the observed plane
 };
 
+/// What passed on an instrument's link (vitreo run --trace-links).
+struct LinkRow {
+  Time time{};
+  std::string role;     // "stage"
+  std::string address;  // "serial:/dev/ttyUSB0"; "channel 3, tcp:..." of a role with several links
+  std::string event;    // "to" and "from" the instrument, "opened", "failed"
+  std::vector<std::uint8_t> bytes;  // of "failed" the error's text
+};
+
 struct RunData {
   std::filesystem::path folder;
   RunStart start;
@@ -157,6 +166,7 @@ struct RunData {
   std::vector<Picture> pictures;
   std::vector<Event> events;
   std::vector<Module> modules;
+  std::vector<LinkRow> links;  // empty where the run was not asked for them
   std::vector<RecordedCameraInfo> cameras;
   std::vector<FrameRow> frames;  // the recorder leaves them to its writer: see Recorder::frames()
   std::vector<std::uint64_t> dropped;  // frames that were not recorded, one number a camera

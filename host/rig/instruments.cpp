@@ -110,7 +110,8 @@ class Opening {
   void with(const std::string& role, Visit visit) {
     // Simulated roles are the laboratory's own and need no opening; they are taken where the rig
     // names no driver of another.
-    const RigContext where{*clock_, laboratory_.get()};
+    RigContext where{*clock_, laboratory_.get()};
+    where.rig = &reader_.resolved();
     if (role == "top_camera" && settings_.top_camera && !settings_.top)
       return visit(laboratory_->top_camera());
     if (role == "sample" && settings_.sample) {
@@ -194,7 +195,8 @@ Json examine_rig(const RigDescription& description) {
       row["present"] = true;
     } catch (const DeviceError& error) {
       row["state"] = to_string(error.kind);
-      row["why"] = error.what();
+      // The row has the role already.
+      row["why"] = renamed(error, role).text + " (" + to_string(error.kind) + ")";
     }
     rows.push_back(row);
   }

@@ -52,7 +52,7 @@ enum class Share { none, some, all };
 class ComposedRig final : public OpenRig {
  public:
   ComposedRig(const RigSettings& settings, nlohmann::json resolved, Clock& clock,
-              std::uint64_t seed, Share simulated)
+              std::uint64_t seed, Share simulated, LinkTap* tap)
       : resolved_(std::move(resolved)), clock_(clock) {
     rig_.title = settings.title;
     rig_.model = settings.model;
@@ -66,7 +66,10 @@ class ComposedRig final : public OpenRig {
     if (settings.sample)
       rig_.sample = &sample_.emplace(world_ ? &world_->sample() : nullptr, rig_.model,
                                      settings.sample_by_hand);
-    open_instruments(settings, {clock, world_.get()});
+    RigContext where{clock, world_.get()};
+    where.rig = &resolved_;
+    where.tap = tap;
+    open_instruments(settings, where);
   }
   // While every member is still alive; what fails here has no caller to hear of it.
   ~ComposedRig() override { make_safe(); }
@@ -276,7 +279,8 @@ void switch_light_on(Rig& rig) {
 }
 
 std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& clock,
-                                  std::uint64_t seed, const SimulationShifts& shifts) {
+                                  std::uint64_t seed, const SimulationShifts& shifts,
+                                  LinkTap* tap) {
   check_rig(description);
   ConfigReader reader(description);
   RigSettings settings = read_rig_settings(reader);
@@ -305,7 +309,7 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
                             : simulates_something(description) ? Share::some
                                                                : Share::none;
     auto opened =
-        std::make_unique<ComposedRig>(settings, reader.resolved(), clock, seed, simulated);
+        std::make_unique<ComposedRig>(settings, reader.resolved(), clock, seed, simulated, tap);
     opened->rig().warnings = std::move(warnings);
     return opened;
   } catch (const std::invalid_argument& problem) {

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/links/link_tap.h"
 #include "devices/sim/laboratory.h"
 #include "devices/time/clock.h"
 #include "host/config/config.h"
@@ -42,8 +43,9 @@ struct SimulationShifts {
 };
 
 /// Throws ConfigError for anything wrong in the description, DeviceError when an instrument does
-/// not open.
+/// not open. `tap` sees what passes on every link, and outlives the rig; null: none does.
 std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& clock,
-                                  std::uint64_t seed, const SimulationShifts& shifts = {});
+                                  std::uint64_t seed, const SimulationShifts& shifts = {},
+                                  LinkTap* tap = nullptr);
 
 }  // namespace vitreo

@@ -56,25 +56,8 @@ Json row_of(const SerialPort& port) {
 // Nothing is opened for it: vendor and product numbers are in the descriptors that the system has
 // read already. Of several drivers the registry's first.
 std::string driver_for(int vendor, int product) {
-<<<<<<< HEAD
-  const auto is = [product](std::initializer_list<int> ids) {
-    return std::find(ids.begin(), ids.end(), product) != ids.end();
-  };
-  if (vendor == 0x09DB && product == 0x009C) return "usb3103";
-  const auto& tics = pololu_tic::kProducts;
-  if (vendor == pololu_tic::kVendor && std::find(tics.begin(), tics.end(), product) != tics.end())
-    return "pololu_tic";
-  if (vendor == 0x046D &&
-      is({0xC603, 0xC605, 0xC606, 0xC621, 0xC623, 0xC625, 0xC626, 0xC627, 0xC628, 0xC629, 0xC62B}))
-    return "spacemouse";
-  if (vendor == 0x256F &&
-      is({0xC62E, 0xC62F, 0xC631, 0xC632, 0xC633, 0xC635, 0xC636, 0xC638, 0xC63A, 0xC652}))
-    return "spacemouse";
-  if (vendor == 0x05F3 && is({0x0268, 0x00FF, 0x0438, 0x0439, 0x043A, 0x04E8})) return "foot_pedal";
-=======
   for (const IdentifiedDriver& driver : identified_drivers())
     if (usb_kind(driver.identification, vendor, product) != nullptr) return driver.name;
->>>>>>> 05d20141647fc613513943039c95ca7e2ab50222
   return "";
 }
 

@@ -5,6 +5,7 @@
 
 #include "devices/links/byte_link.h"
 #include "devices/links/identification.h"
+#include "devices/links/link_tap.h"
 #include "devices/links/usb_address.h"
 #include "devices/roles/camera.h"
 #include "devices/roles/coil_amplifier.h"
@@ -17,10 +18,12 @@
 #include "devices/sim/laboratory.h"
 #include "devices/time/clock.h"
 #include "host/config/config.h"
+#include "host/rig/opening_error.h"
 
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace vitreo {
@@ -51,6 +54,9 @@ struct RigContext {
   /// bytes, with the address and the baud rate of the rig file; the instrument itself is not
   /// opened. Empty: everything is.
   std::function<void(const std::string& address, int baud_rate, std::shared_ptr<BytePeer>)> offer{};
+  /// The rig as resolved, for errors; null: not known. It and the tap outlive the instruments.
+  const nlohmann::json* rig = nullptr;
+  LinkTap* tap = nullptr;  ///< sees what passes on every link; null: none does
 };
 
 /// An instrument and, when it is emulated, what stands at the far end of its link. They die in the
@@ -64,6 +70,19 @@ struct Opened {
 /// Opens the instrument: throws DeviceError. Nothing has touched it before.
 template <class Role>
 using Opener = std::function<Opened<Role>(const RigContext&)>;
+
+/// The same, but that a DeviceError names the role, and what the rig knows (opening_error.h).
+template <class Role>
+Opener<Role> explained(const InstrumentReader& instrument, Opener<Role> opener) {
+  return [role = instrument.role, address = instrument.address,
+          open = std::move(opener)](const RigContext& where) {
+    try {
+      return open(where);
+    } catch (const DeviceError& error) {
+      throw opening_error(error, role, address, where.rig);
+    }
+  };
+}
 
 /// One line of the registry. `read` takes the instrument's own settings with their bounds; it
 /// throws ConfigError. `identification` tells how one is found that is plugged in; null where a
@@ -126,7 +145,7 @@ Opener<Role> read_instrument(ConfigReader& reader, const std::string& role,
   const std::string wanted = reader.choice("driver", usual, names);
   const InstrumentReader instrument{reader, role, read_address(reader), laboratory};
   for (const auto& entry : drivers<Role>())
-    if (entry.name == wanted) return entry.read(instrument);
+    if (entry.name == wanted) return explained(instrument, entry.read(instrument));
   reader.fail("driver", "is not known");
 }
 

@@ -16,7 +16,7 @@
 namespace vitreo {
 namespace {
 
-constexpr double kMilli = 1e-3;
+constexpr double kMillimeter = 1e-3;
 
 // What the loop believes. The bounds keep a slip of a unit out (5 instead of 5 * mm), not a bad
 // choice. `field` has one value today; it is read so that a rig file can state it.
@@ -85,7 +85,7 @@ Opener<Camera> read_any_camera(ConfigReader& reader, const std::string& role,
   camera.size.width = reader.integer("width_px", camera.size.width, 1, 1 << 16);
   camera.size.height = reader.integer("height_px", camera.size.height, 1, 1 << 16);
   for (const auto& entry : drivers<Camera>())
-    if (entry.name == driver) return entry.read(instrument);
+    if (entry.name == driver) return explained(instrument, entry.read(instrument));
   reader.fail("driver", "is not known");
 }
 
@@ -110,16 +110,19 @@ void read_top_camera(ConfigReader reader, RigSettings& settings) {
   ConfigReader m = reader.table("microscope");
   microscope.numerical_aperture =
       m.number("numerical_aperture", microscope.numerical_aperture, {0.002, 0.15, ""});
-  microscope.focus = m.number("focus", microscope.focus, {-50 * kMilli, 100 * kMilli, "m"});
+  microscope.focus =
+      m.number("focus", microscope.focus, {-50 * kMillimeter, 100 * kMillimeter, "m"});
   if (m.has("pupil_distance"))
-    microscope.pupil_distance = m.number("pupil_distance", 150 * kMilli, {20 * kMilli, 100, "m"});
-  microscope.decenter = m.vector2("decenter", microscope.decenter, {-3 * kMilli, 3 * kMilli, "m"});
+    microscope.pupil_distance =
+        m.number("pupil_distance", 150 * kMillimeter, {20 * kMillimeter, 100, "m"});
+  microscope.decenter =
+      m.vector2("decenter", microscope.decenter, {-3 * kMillimeter, 3 * kMillimeter, "m"});
   microscope.tilt = m.vector2("tilt", microscope.tilt, {-0.1, 0.1, "rad"});
   m.finish();
   settings.exact_projection =
       reader.choice("projection", "single_viewpoint", {"single_viewpoint", "exact"}) == "exact";
-  settings.projection_reach =
-      reader.number("projection_reach", settings.projection_reach, {1 * kMilli, 10 * kMilli, "m"});
+  settings.projection_reach = reader.number("projection_reach", settings.projection_reach,
+                                            {1 * kMillimeter, 10 * kMillimeter, "m"});
   reader.finish();
 }
 
@@ -245,7 +248,7 @@ void read_sample(ConfigReader reader, RigSettings& settings) {
   settings.sample_by_hand = person || reader.flag("by_hand", false);
   // Of a person, in the twin and in the emulated laboratory.
   settings.laboratory.world.placement_scatter = reader.number(
-      "placement_scatter", settings.laboratory.world.placement_scatter, {0, 2 * kMilli, "m"});
+      "placement_scatter", settings.laboratory.world.placement_scatter, {0, 2 * kMillimeter, "m"});
   reader.finish();
 }
 
@@ -259,7 +262,7 @@ void add_target(RigSettings& settings) {
   sim::BodySettings ball;
   ball.name = "target";
   ball.shape = sim::Shape::spheroid;
-  ball.semi_axis = ball.semi_radius = 0.4 * kMilli;
+  ball.semi_axis = ball.semi_radius = 0.4 * kMillimeter;
   ball.position = {0.5, 0.5, 0.5};
   ball.axis = {0, 0, 1};
   ball.fixed = true;

@@ -190,6 +190,18 @@ void read_events(Database& database, RunData& data) {
           });
 }
 
+/// What passed on the links, where the run was asked for it.
+void read_links(Database& database, RunData& data) {
+  Statement table =
+      database.prepare("SELECT 1 FROM sqlite_master WHERE type='table' AND name='link'");
+  if (!table.step()) return;
+  rows_of(database, "SELECT t_ns, role, address, event, bytes FROM link ORDER BY seq",
+          [&](const Statement& row) {
+            data.links.push_back(
+                {Time(row.integer(0)), row.text(1), row.text(2), row.text(3), row.bytes(4)});
+          });
+}
+
 void read_frames(Database& database, RunData& data) {
   rows_of(database,
           "SELECT name, identity, every, frame_period, effective_pixel FROM camera ORDER BY rowid",
@@ -343,6 +355,7 @@ RunData read_run(const fs::path& folder) {
     read_end(database, data);
     read_results(database, data);
     read_events(database, data);
+    read_links(database, data);
   } catch (const RecordError&) {
     throw;
   } catch (const nlohmann::json::exception& error) {

@@ -88,7 +88,17 @@ TEST_F(Surroundings, TheHostLogKeepsWhatMattersOnOneLineEach) {
 }
 
 TEST_F(Surroundings, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
-  EXPECT_EQ(place.vitreo("check idle.lua --rig bare.lua").exit_code, 0);
+  const Spoken passed = place.vitreo("check idle.lua --rig bare.lua");
+  EXPECT_EQ(passed.exit_code, 0);
+  EXPECT_EQ(passed.out.find("not looked at"), std::string::npos) << "all of it is simulated";
+  place.write("lab.lua",
+              "return { stage = { driver = 'sutter_mp285', address = 'serial:/dev/x' } }");
+  const Spoken lab = place.vitreo("check idle.lua --rig lab.lua");
+  EXPECT_EQ(lab.exit_code, 0);
+  EXPECT_NE(lab.out.find("not looked at: whether stage is there and answers (vitreo devices --rig "
+                         "lab.lua)\npassed\n"),
+            std::string::npos)
+      << lab.out;
   EXPECT_EQ(place.vitreo("check idle.lua --rig bare.lua speed=3").exit_code, 2);
   place.write("fails.lua", "return { title = 'f', run = function() error('no') end }");
   const Spoken failed = place.vitreo("check fails.lua --rig bare.lua --json");

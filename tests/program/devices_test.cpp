@@ -179,12 +179,26 @@ TEST(Devices, SaysWhichRoleIsMissingAndWhyAndShowsTheOthers) {
   place.write(
       "rig.lua",
       "return { coils = {}, stage = { driver = 'sutter_mp285', address = 'serial:/dev/none' } }");
-  auto roles = roles_of(place.vitreo("devices --json --rig rig.lua"));
+  const Spoken spoken = place.vitreo("devices --json --rig rig.lua");
+  EXPECT_EQ(spoken.exit_code, 7) << "an instrument is missing";
+  auto roles = roles_of(spoken);
   EXPECT_TRUE(roles["coils"]["present"].get<bool>());
   EXPECT_FALSE(roles["stage"]["present"].get<bool>());
   EXPECT_EQ(roles["stage"]["state"], "not found");
-  EXPECT_NE(roles["stage"]["why"].get<std::string>().find("/dev/none"), std::string::npos)
-      << roles["stage"];
+  EXPECT_EQ(roles["stage"]["why"], "serial:/dev/none: No such file or directory (not found)");
+  const Spoken text = place.vitreo("devices --rig rig.lua");
+  EXPECT_EQ(text.exit_code, 7);
+  EXPECT_NE(text.out.find("missing: serial:/dev/none: No such file"), std::string::npos)
+      << text.out;
+}
+
+TEST(Devices, EndsWithSevenWhereEveryRoleIsMissingAndWithZeroWithoutARig) {
+  const Workplace place;
+  place.write("rig.lua",
+              "return { field_probe = { driver = 'scpi_probe', address = 'tcp:127.0.0.1:1', "
+              "question = 'MEAS?' } }");
+  EXPECT_EQ(place.vitreo("devices --rig rig.lua").exit_code, 7);
+  EXPECT_EQ(place.vitreo("devices").exit_code, 0) << "nothing was asked for that could be missing";
 }
 
 TEST(Devices, RunsTheContractSuiteOfEachSimulatedRole) {
@@ -306,6 +320,33 @@ TEST(Laboratory, EightSuppliesWhoseAddressesALoopMadeOpenAsOneAmplifier) {
   EXPECT_TRUE(coils.value("present", false)) << coils;
   EXPECT_EQ(coils["limits"]["channels"], 8);
   EXPECT_EQ(coils["identity"].get<std::string>().rfind("8 x KEPCO", 0), 0U) << coils;
+}
+
+// The links as the system has them: hidraw, libusb, terminals and TCP.
+TEST(Laboratory, TracesEveryLinkOfARunWhenItIsAskedTo) {
+  const GigePort port;
+  const Workplace place;
+  place.write("idle.lua",
+              "return { title = 'idle', needs = { 'stage' }, run = function(rig, p, run)\n"
+              "  rig.stage:position()\nend }");
+  const Spoken spoken =
+      place.vitreo(kAmongEmulators + "run idle.lua --trace-links --rig " + kLaboratory);
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  std::map<std::string, std::string> to, from, address;
+  for (const auto& row : nlohmann::json::parse(place.vitreo("show last --links --json").out)) {
+    const std::string role = row["role"];
+    address[role] = row["address"];
+    if (row["event"] == "to") to[role] += row["hex"];
+    if (row["event"] == "from") from[role] += row["hex"];
+  }
+  for (const char* role :
+       {"coils", "lamp", "lens_mover", "stage", "rotation_stage", "field_probe"}) {
+    EXPECT_FALSE(to[role].empty()) << role;
+    EXPECT_FALSE(from[role].empty()) << role;
+  }
+  for (const char* role : {"joystick", "pedal"})  // they send when they are touched
+    EXPECT_EQ(address[role].rfind("hid:", 0), 0U) << role;
+  EXPECT_NE(to["stage"].find("630d"), std::string::npos) << "c, CR: where is it?";
 }
 
 TEST(Laboratory, IsListedWithTheDriversThatWouldTakeIt) {

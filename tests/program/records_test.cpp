@@ -287,5 +287,40 @@ TEST(RecordsOfARigWithABase, KeepEveryTextAndAreReplayedWithThem) {
   EXPECT_EQ(json::parse(again.out), before);
 }
 
+// The focusing stage of the simulated rig is a Zaber behind a link in memory: its bytes are those
+// of the protocol, without any file of the system.
+TEST(TracedRun, ShowsTheBytesOfOneRoleOrOfAll) {
+  const Workplace place;
+  place.write("move.lua",
+              "return { title = 'move', needs = { 'stage', 'coils' }, run = function(rig, p, run)\n"
+              "  rig.stage:move_to({ 1e-3 })\nend }");
+  const Spoken spoken = place.vitreo("run move.lua --trace-links --rig simulated");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  const std::string stage = place.vitreo("show last --links --role stage").out;
+  EXPECT_NE(stage.find("move abs"), std::string::npos) << stage.substr(0, 400);
+  EXPECT_EQ(stage.find("coils"), std::string::npos);
+  EXPECT_NE(place.vitreo("show last --links").out.find("coils"), std::string::npos);
+  const json rows = json::parse(place.vitreo("show last --links --role stage --json").out);
+  ASSERT_GT(rows.size(), 10U);
+  EXPECT_EQ(rows[0]["event"], "opened");
+  EXPECT_EQ(rows[1]["event"], "to");
+  EXPECT_EQ(rows[1]["hex"], "0a") << "the first byte ends what a host that died may have begun";
+  EXPECT_NE(place.vitreo("show last").out.find("show "), std::string::npos);
+  EXPECT_EQ(place.vitreo("verify last").exit_code, 0);
+  const Spoken other = place.vitreo("show last --links --role lamp");
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_NE(other.err.find("lens_mover, stage"), std::string::npos) << other.err;
+}
+
+TEST(TracedRun, OfARunThatWasNotTracedIsAnErrorThatNamesTheOption) {
+  const Workplace place;
+  place.write("idle.lua", "return { title = 'idle', run = function() end }");
+  ASSERT_EQ(place.vitreo("run idle.lua --rig simulated").exit_code, 0);
+  const Spoken none = place.vitreo("show last --links");
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_NE(none.err.find("--trace-links"), std::string::npos) << none.err;
+  EXPECT_EQ(place.vitreo("show last --role stage").exit_code, 2) << "it wants --links";
+}
+
 }  // namespace
 }  // namespace vitreo

@@ -360,7 +360,8 @@ void Bops::give_up(const Supply& first, const DeviceError& failure) {
     quietly([&] { supply->zero(); });
     quietly([&] { supply->switch_off(); });
   }
-  std::string text = failure.text + "; " + first.zero_text(), unconfirmed;
+  const char* const between = failure.text.ends_with('?') ? " " : "; ";
+  std::string text = failure.text + between + first.zero_text(), unconfirmed;
   std::size_t others = 0;
   for (const auto& supply : supplies_) {
     if (supply.get() == &first || supply->has_confirmed_zero()) continue;

@@ -7,7 +7,7 @@ namespace vitreo::kepco_bop {
 namespace {
 
 std::optional<Recognized> recognize_bop(const std::vector<ByteString>& answers) {
-  const auto who = decode_identity(scpi::last_line(text_of_bytes(answers.front())));
+  const auto who = decode_identity(answer_in(scpi::last_line(text_of_bytes(answers.front()))));
   if (!who) return std::nullopt;
   return Recognized{
       *who, {{"coils", {}, "one address a coil, between commas; the rig octomag_bop makes eight"}}};

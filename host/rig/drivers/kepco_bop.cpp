@@ -5,6 +5,7 @@
 #include "devices/instruments/kepco_bop/emulator.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/serial.h"
+#include "host/rig/drivers/traced.h"
 
 #include <sstream>
 
@@ -35,6 +36,44 @@ std::shared_ptr<EmulatedSupplies> emulate(const RigContext& where,
           if (laboratory != nullptr) laboratory->drive_coils(now, *currents);
         }));
   return all;
+}
+
+/// In place of a link that did not open: every use of it fails as the opening did. So the driver
+/// comes to the other supplies, which need their zero all the more.
+class BrokenLink final : public ByteLink {
+ public:
+  explicit BrokenLink(const DeviceError& error) : error_(error) {}
+  const std::string& address() const override { return error_.device; }
+  void write(std::span<const std::uint8_t>, Time) override { throw error_; }
+  ByteString read(std::size_t, Time) override { throw error_; }
+  void reopen() override { throw error_; }
+
+ private:
+  const DeviceError error_;
+};
+
+std::unique_ptr<ByteLink> open_or_broken(const SerialPlace& place, Clock& clock) {
+  try {
+    return open_byte_link(place.address, place.serial, clock);
+  } catch (const DeviceError& error) {
+    return std::make_unique<BrokenLink>(error);
+  }
+}
+
+/// One link a channel, counted from 1; to `emulated` where that is not null.
+std::vector<std::unique_ptr<ByteLink>> links_of(const std::vector<SerialPlace>& places,
+                                                EmulatedSupplies* emulated,
+                                                const RigContext& where) {
+  std::vector<std::unique_ptr<ByteLink>> links;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    auto link = emulated != nullptr ? memory_byte_link(*emulated->supplies[i], where.clock, {},
+                                                       link_faults(where, "coils"))
+                                    : open_or_broken(places[i], where.clock);
+    links.push_back(traced(where, "coils",
+                           "channel " + std::to_string(i + 1) + ", " + places[i].address,
+                           std::move(link)));
+  }
+  return links;
 }
 
 }  // namespace
@@ -78,12 +117,7 @@ Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument) {
                     {emulated, emulated->supplies[i].get()});
       return opened;
     }
-    std::vector<std::unique_ptr<ByteLink>> links;
-    for (std::size_t i = 0; i < places.size(); ++i)
-      links.push_back(emulated ? memory_byte_link(*emulated->supplies[i], where.clock, {},
-                                                  link_faults(where, "coils"))
-                               : open_byte_link(places[i].address, places[i].serial, where.clock));
-    opened.device = kepco_bop::open(std::move(links), settings, where.clock);
+    opened.device = kepco_bop::open(links_of(places, emulated.get(), where), settings, where.clock);
     return opened;
   };
 }

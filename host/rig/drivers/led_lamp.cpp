@@ -7,6 +7,7 @@
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/reopened.h"
 #include "host/rig/drivers/serial.h"
+#include "host/rig/drivers/traced.h"
 
 namespace vitreo {
 
@@ -31,7 +32,9 @@ Opener<Lamp> read_led_lamp(const InstrumentReader& instrument) {
   if (!instrument.emulated())
     return reopened<Lamp>(instrument.role, [open, address = read_usb_address(instrument, "hid")](
                                                const RigContext& where) {
-      return open(open_hid_link(address, where.clock), where.clock);
+      return open(
+          traced(where, "lamp", to_string("hid", address), open_hid_link(address, where.clock)),
+          where.clock);
     });
   return [open, outputs, lamp](const RigContext& where) {
     // The light in the simulated eye is what the output puts out.
@@ -43,7 +46,7 @@ Opener<Lamp> read_led_lamp(const InstrumentReader& instrument) {
         });
     // This rig has its light from the lamp alone, which is dark at first.
     if (where.laboratory != nullptr) where.laboratory->set_light(0);
-    auto link = memory_hid_link(*unit, where.clock, Time(0));
+    auto link = traced(where, "lamp", "emulated", memory_hid_link(*unit, where.clock, Time(0)));
     return Opened<Lamp>{unit, open(std::move(link), where.clock)};
   };
 }

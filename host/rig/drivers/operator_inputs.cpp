@@ -6,6 +6,7 @@
 #include "devices/instruments/spacemouse/emulator.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/reopened.h"
+#include "host/rig/drivers/traced.h"
 
 #include <cmath>
 
@@ -24,10 +25,13 @@ struct Push {
 /// The driver on an emulator that a task pushes; the task is ended first.
 class Pushed final : public OperatorInput {
  public:
-  Pushed(const spacemouse::Settings& settings, Clock& clock, const Push& push)
-      : mouse_(spacemouse::open(memory_hid_link(emulator_, clock, Time(0)), settings, clock)) {
+  Pushed(const spacemouse::Settings& settings, const RigContext& where, const Push& push)
+      : mouse_(spacemouse::open(traced(where, settings.name, "emulated",
+                                       memory_hid_link(emulator_, where.clock, Time(0))),
+                                settings, where.clock)) {
     // The task's name decides its turn among tasks that are due at the same time.
-    if (push.lasting > 0) hand_ = clock.spawn("hand", [this, &clock, push] { act(clock, push); });
+    if (push.lasting > 0)
+      hand_ = where.clock.spawn("hand", [this, &clock = where.clock, push] { act(clock, push); });
   }
   std::string identity() const override { return mouse_->identity(); }
   OperatorState state() override { return mouse_->state(); }
@@ -81,11 +85,13 @@ Opener<OperatorInput> read_spacemouse(const InstrumentReader& instrument) {
   settings.watchdog = reader.number("watchdog", settings.watchdog, {0.02, 10, "s"});
   if (instrument.emulated())
     return [settings, push = read_push(reader)](const RigContext& where) {
-      return Opened<OperatorInput>{nullptr, std::make_unique<Pushed>(settings, where.clock, push)};
+      return Opened<OperatorInput>{nullptr, std::make_unique<Pushed>(settings, where, push)};
     };
   const auto open = [settings,
                      address = read_usb_address(instrument, "hid")](const RigContext& where) {
-    return spacemouse::open(open_hid_link(address, where.clock), settings, where.clock);
+    return spacemouse::open(traced(where, settings.name, to_string("hid", address),
+                                   open_hid_link(address, where.clock)),
+                            settings, where.clock);
   };
   return reopened<OperatorInput>(instrument.role, open);
 }
@@ -105,12 +111,15 @@ Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
     return [settings](const RigContext& where) {
       // Never pressed.
       auto released = std::make_shared<foot_pedal::Emulator>(settings.layout);
-      auto link = memory_hid_link(*released, where.clock, Time(0));
+      auto link = traced(where, settings.name, "emulated",
+                         memory_hid_link(*released, where.clock, Time(0)));
       return Opened<OperatorInput>{released, foot_pedal::open(std::move(link), settings)};
     };
   const auto open = [settings,
                      address = read_usb_address(instrument, "hid")](const RigContext& where) {
-    return foot_pedal::open(open_hid_link(address, where.clock), settings);
+    return foot_pedal::open(traced(where, settings.name, to_string("hid", address),
+                                   open_hid_link(address, where.clock)),
+                            settings);
   };
   return reopened<OperatorInput>(instrument.role, open);
 }

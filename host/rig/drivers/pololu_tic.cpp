@@ -4,6 +4,7 @@
 #include "devices/sim/faulty_links.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/reopened.h"
+#include "host/rig/drivers/traced.h"
 
 namespace vitreo {
 namespace {
@@ -53,7 +54,9 @@ Opener<LensMover> read_pololu_tic(const InstrumentReader& instrument) {
     return reopened<LensMover>(
         instrument.role,
         [settings, address = read_usb_address(instrument, "usb")](const RigContext& where) {
-          return pololu_tic::open(open_usb_link(address, where.clock), settings, where.clock);
+          return pololu_tic::open(traced(where, settings.name, to_string("usb", address),
+                                         open_usb_link(address, where.clock)),
+                                  settings, where.clock);
         });
   // The laboratory must know how far a step moves the lens: the motor's steps alone are on the
   // wire.
@@ -62,7 +65,8 @@ Opener<LensMover> read_pololu_tic(const InstrumentReader& instrument) {
     auto link =
         sim::faulty_usb_link(memory_usb_link(where.laboratory->lens_motor(), where.clock, latency),
                              where.laboratory->faults().links["lens_mover"], where.clock);
-    return pololu_tic::open(std::move(link), settings, where.clock);
+    return pololu_tic::open(traced(where, settings.name, "emulated", std::move(link)), settings,
+                            where.clock);
   });
 }
 

@@ -4,6 +4,7 @@
 
 #include "devices/links/address.h"
 #include "devices/links/byte_link.h"
+#include "host/rig/drivers/traced.h"
 #include "host/rig/registry.h"
 
 #include <memory>
@@ -50,14 +51,15 @@ Opened<Role> open_on(const SerialPlace& place, const std::shared_ptr<BytePeer>& 
     return {emulator, nullptr};
   }
   if (!place.emulated())
-    return {nullptr, open(open_byte_link(place.address, place.serial, where.clock))};
+    return {nullptr, open(traced(where, role, place.address,
+                                 open_byte_link(place.address, place.serial, where.clock)))};
   const Time per_byte = place.ideal ? Time::zero() : from_seconds(10.0 / place.serial.baud_rate);
   auto link =
       memory_byte_link(*emulator, where.clock, {Time::zero(), per_byte}, link_faults(where, role));
   // In this order: the driver's end still talks to the emulator.
   Opened<Role> opened;
   opened.far_end = emulator;
-  opened.device = open(std::move(link));
+  opened.device = open(traced(where, role, place.address, std::move(link)));
   return opened;
 }
 

@@ -4,6 +4,7 @@
 #include "devices/sim/faulty_links.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/reopened.h"
+#include "host/rig/drivers/traced.h"
 
 namespace vitreo {
 
@@ -25,13 +26,16 @@ Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
     return reopened<CoilAmplifier>(
         instrument.role,
         [settings, address = read_usb_address(instrument, "hid")](const RigContext& where) {
-          return usb3103::open(open_hid_link(address, where.clock), settings, where.clock);
+          return usb3103::open(traced(where, settings.name, to_string("hid", address),
+                                      open_hid_link(address, where.clock)),
+                               settings, where.clock);
         });
   return reopened<CoilAmplifier>(instrument.role, [settings, latency](const RigContext& where) {
     auto link = sim::faulty_hid_link(
         memory_hid_link(where.laboratory->coil_outputs(), where.clock, latency),
         where.laboratory->faults().links["coils"], where.clock);
-    return usb3103::open(std::move(link), settings, where.clock);
+    return usb3103::open(traced(where, settings.name, "emulated", std::move(link)), settings,
+                         where.clock);
   });
 }
 

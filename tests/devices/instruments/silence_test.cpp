@@ -257,7 +257,7 @@ TEST_F(EightSupplies, TheSilentOneIsNamedAndTheOthersHaveTheirZero) {
   cables[3].silent = true;
   EXPECT_EQ(message_of([&] { open_all(); }),
             "coils: channel 4: tcp:10.0.0.14:5025 says nothing to \"*IDN?\" within 0.5 s: the "
-            "connection stands, so is this its address and port?; no zero was sent to it, so a "
+            "connection stands, so is this its address and port? no zero was sent to it, so a "
             "current that was set before may still flow; every other channel has confirmed its "
             "zero (timeout)");
   EXPECT_EQ(listeners[3]->count("CURR"), 0) << "it is not known what is there";

@@ -85,6 +85,26 @@ TEST(RecordWriter, HoldsUpTheSamplesWhenTheQueueIsFullAndSaysSoAndDropsNone) {
   EXPECT_EQ(number_in(recorder.folder(), "SELECT held > 0 FROM stop"), 1);
 }
 
+// The zeros of the coils are among these: a slow disk must not hold them up.
+TEST(RecordWriter, NeverHoldsUpALinkAndWritesAtTheEndWhatTheQueueHadNoRoomFor) {
+  TemporaryFolder parent;
+  RecordLimits few;
+  few.queued_rows = 10;
+  test::ReportedRecorder recorder(parent.path(), servo_start(), few);
+  constexpr int kRows = 2000;
+  {
+    const Brake brake(recorder.folder());
+    for (int i = 0; i < kRows; ++i)
+      recorder.link({Time{i}, "stage", "emulated", "to", {static_cast<std::uint8_t>(i)}});
+    EXPECT_EQ(recorder.data().links.size(), kRows);
+  }
+  recorder.finish({Outcome::completed, "", 1, 1});
+  EXPECT_EQ(recorder.data().held, 0);
+  EXPECT_EQ(number_in(recorder.folder(), "SELECT count(*) FROM link"), kRows);
+  EXPECT_EQ(number_in(recorder.folder(), "SELECT count(*) FROM link WHERE seq = t_ns + 1"), kRows);
+  EXPECT_EQ(number_in(recorder.folder(), "SELECT count(*) FROM event WHERE kind='alarm'"), 0);
+}
+
 TEST(RecordWriter, GivesItsLastAlarmsNameAndPriorityToo) {
   TemporaryFolder parent;
   RecordLimits few;

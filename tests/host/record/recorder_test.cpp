@@ -4,6 +4,7 @@
 #include "host/files/digest.h"
 #include "host/files/run_folder.h"
 #include "host/files/sqlite.h"
+#include "host/runs/run_reader.h"
 #include "tests/host/record/run_fixture.h"
 
 #include <gtest/gtest.h>
@@ -47,6 +48,35 @@ TEST(Recorder, TheFolderIsNamedByTimeAndProtocolAndIsAlwaysNew) {
   EXPECT_TRUE(shape.starts_with("9999-99-99T999999_servo_square_")) << shape;
   EXPECT_EQ(shape.find_last_not_of("9abcdef"), shape.size() - 5)
       << shape;  // four hexadecimal digits
+}
+
+TEST(Recorder, TakesTheBytesOfLinksAndReadsThemBackToTheBit) {
+  TemporaryFolder parent;
+  test::ReportedRecorder recorder(parent.path(), servo_start());
+  std::vector<std::uint8_t> every(256);
+  for (std::size_t i = 0; i < every.size(); ++i) every[i] = static_cast<std::uint8_t>(i);
+  recorder.link({Time{1000}, "stage", "serial:/dev/ttyUSB0", "opened", {}});
+  recorder.link({Time{2000}, "stage", "serial:/dev/ttyUSB0", "to", every});
+  recorder.finish({Outcome::completed, "", 1, 1});
+  const RunData read = read_run(recorder.folder());
+  ASSERT_EQ(read.links.size(), 2U);
+  EXPECT_EQ(read.links[1].time, Time{2000});
+  EXPECT_EQ(read.links[1].role, "stage");
+  EXPECT_EQ(read.links[1].address, "serial:/dev/ttyUSB0");
+  EXPECT_EQ(read.links[1].event, "to");
+  EXPECT_EQ(read.links[1].bytes, every);
+  EXPECT_TRUE(read.links[0].bytes.empty());
+  EXPECT_EQ(canonical_export(read), canonical_export(recorder));
+  EXPECT_NE(canonical_export(read).find("link 2000 \"stage\" \"serial:/dev/ttyUSB0\" to 000102"),
+            std::string::npos);
+}
+
+TEST(Recorder, HasNoTableOfLinksWhereNoneIsTraced) {
+  TemporaryFolder parent;
+  test::ReportedRecorder recorder(parent.path(), servo_start());
+  recorder.finish({Outcome::completed, "", 1, 1});
+  EXPECT_EQ(count_of(recorder.folder(), "SELECT count(*) FROM sqlite_master WHERE name='link'"), 0);
+  EXPECT_TRUE(read_run(recorder.folder()).links.empty());
 }
 
 TEST(Recorder, TheStartIsOnTheDiskBeforeAnythingElse) {

@@ -3,16 +3,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/registry.h"
 
+#include "devices/instruments/kepco_bop/emulator.h"
 #include "devices/time/error.h"
 #include "host/rig/instruments.h"
 #include "host/rig/open_rig.h"
+#include "host/rig/opening_error.h"
 #include "host/rig/plugged_in.h"
 #include "host/rig/rig_settings.h"
 #include "host/rig/twin.h"
+#include "tests/devices/instruments/serial_test_bench.h"
+#include "tests/devices/links/real_end.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <set>
 #include <string>
 
@@ -215,6 +220,125 @@ TEST(Registry, ThePedalAsADeadManKeepsTheCoilsAtZeroWhileNobodyStandsOnIt) {
         << error.what();
   }
   EXPECT_EQ(rig->rig().coils->currents(), std::vector<double>(8, 0.0));
+}
+
+/// Counts what passes on the links of each role.
+struct Counter final : LinkTap {
+  void passed(const LinkName& link, Time, LinkEvent event,
+              std::span<const std::uint8_t> bytes) override {
+    ++events[link.role];
+    if (event == LinkEvent::to_instrument || event == LinkEvent::from_instrument)
+      moved[link.role] += bytes.size();
+    addresses[link.role].insert(link.address);
+  }
+  std::map<std::string, int> events;
+  std::map<std::string, std::size_t> moved;
+  std::map<std::string, std::set<std::string>> addresses;
+};
+
+/// With the driver's name added; what the driver wants beside it.
+template <class Role>
+void expect_traced(const std::string& role, const ConfigTable& wanted, Counter& counter) {
+  for (const auto& entry : drivers<Role>()) {
+    ConfigTable table = wanted;
+    table["driver"] = text(entry.name);
+    if (std::string(entry.name) == "simulated" && role == "stage") table.erase("x");
+    if (std::string(entry.name) == "simulated" && role == "field_probe") continue;  // no link
+    if (std::string(entry.name).starts_with("sutter")) table.erase("x");
+    const auto clock = virtual_clock();
+    Counter its;
+    const auto rig = open_rig(rig_with(role, table), *clock, 1, {}, &its);
+    EXPECT_GT(its.events[role], 0) << role << " " << entry.name << " is not traced";
+    EXPECT_EQ(its.events.size(), 1U) << role;
+    counter.moved[role] += its.moved[role];
+    counter.addresses[role].merge(its.addresses[role]);
+  }
+}
+
+TEST(Registry, EveryDriverThatHasALinkIsTracedUnderItsRole) {
+  Counter counter;
+  expect_traced<CoilAmplifier>("coils", {}, counter);
+  expect_traced<LensMover>("lens_mover", {}, counter);
+  expect_traced<Lamp>("lamp", {}, counter);
+  expect_traced<OperatorInput>("joystick", {}, counter);
+  expect_traced<OperatorInput>("pedal", {}, counter);
+  expect_traced<Stage>("stage", {{"x", {ConfigTable{}}}}, counter);
+  expect_traced<RotationStage>("rotation_stage", {}, counter);
+  expect_traced<FieldProbe>("field_probe", {}, counter);
+  for (const char* role : {"coils", "lens_mover", "lamp", "stage", "rotation_stage", "field_probe"})
+    EXPECT_GT(counter.moved[role], 10U) << role << ": its opening asks it something";
+  EXPECT_TRUE(counter.addresses["coils"].contains("channel 8, emulated"));
+}
+
+const nlohmann::json kLaboratory = {
+    {"title", "a laboratory"},
+    {"coils", {{"driver", "kepco_bop"}, {"address", "tcp:10.0.0.11:5025, tcp:10.0.0.12:5025"}}},
+    {"stage", {{"driver", "sutter_mp285"}, {"address", "serial:/dev/ttyUSB0"}}},
+    {"rotation_stage", {{"driver", "zaber"}, {"address", "serial:/dev/ttyUSB1"}}},
+    {"field_probe", {{"driver", "scpi_probe"}, {"address", "tcp:10.0.0.7:7777"}}},
+    {"lens_mover", {{"driver", "pololu_tic"}, {"address", "emulated"}}}};
+
+std::string explained_text(const DeviceError& error, const std::string& role,
+                           const std::string& address) {
+  return opening_error(error, role, address, &kLaboratory).what();
+}
+
+TEST(OpeningError, NamesTheOtherInstrumentsOnLinesOfTheSameKind) {
+  EXPECT_EQ(explained_text({DeviceErrorKind::timeout, "stage",
+                            "serial:/dev/ttyUSB0 at 9600 baud, 8N1 says nothing: is it on?"},
+                           "stage", "serial:/dev/ttyUSB0"),
+            "stage: serial:/dev/ttyUSB0 at 9600 baud, 8N1 says nothing: is it on? rotation_stage "
+            "(zaber) is on serial:/dev/ttyUSB1 (timeout)");
+  EXPECT_EQ(explained_text({DeviceErrorKind::not_found, "field_probe", "this is no probe: x"},
+                           "field_probe", "tcp:10.0.0.7:7777"),
+            "field_probe: this is no probe: x; coils (kepco_bop) is on tcp:10.0.0.11:5025 and 1 "
+            "more (not found)");
+}
+
+TEST(OpeningError, LeavesThemOutWhereTheLineItselfDoesNotOpenOrIsNoOthers) {
+  EXPECT_EQ(explained_text({DeviceErrorKind::not_found, "serial:/dev/ttyUSB0", "no such port"},
+                           "stage", "serial:/dev/ttyUSB0"),
+            "stage: serial:/dev/ttyUSB0: no such port (not found)");
+  EXPECT_EQ(explained_text({DeviceErrorKind::refused, "stage", "it does not keep its settings"},
+                           "stage", "serial:/dev/ttyUSB0"),
+            "stage: it does not keep its settings (refused)");
+  EXPECT_EQ(explained_text({DeviceErrorKind::timeout, "lens_mover", "no answer"}, "lens_mover",
+                           "emulated"),
+            "lens_mover: no answer (timeout)");
+}
+
+TEST(OpeningError, NamesTheAddressOfWhatIsOnUsb) {
+  EXPECT_EQ(explained_text({DeviceErrorKind::timeout, "lamp", "no answer within 0.1 s"}, "lamp",
+                           "hid:09db:009c:01A2B3C5"),
+            "lamp: no answer within 0.1 s; its address is hid:09db:009c:01A2B3C5 (timeout)");
+}
+
+TEST(OpeningError, OfCoilsWhoseLinkDoesNotOpenSaysThatNoZeroWasSent) {
+  EXPECT_EQ(
+      explained_text({DeviceErrorKind::not_found, "hid:09db:009c", "no such device is plugged in"},
+                     "coils", "hid:09db:009c"),
+      "coils: hid:09db:009c: no such device is plugged in; no zero was sent, so a current "
+      "that was set before may still flow (not found)");
+}
+
+// A port that nothing listens on: the connection is refused at once.
+TEST(Registry, OneSupplyThatCannotBeReachedDoesNotKeepTheOthersFromTheirZero) {
+  const auto other = kepco_bop::make_emulator({.network = true}, [](Time, double) {});
+  Listener listener(*other);
+  RealEnd wire(listener, open_tcp_end());
+  const std::string addresses = "tcp:127.0.0.1:1, " + wire.address();
+  const RigDescription description = rig_with(
+      "coils",
+      {{"driver", text("kepco_bop")}, {"address", text(addresses.c_str())}, {"guardian", {false}}});
+  const nlohmann::json rows = examine_rig(description);
+  ASSERT_EQ(rows.size(), 1U);
+  EXPECT_FALSE(rows[0]["present"]);
+  EXPECT_EQ(rows[0]["why"],
+            "channel 1: tcp:127.0.0.1:1: Connection refused; no zero was sent to it, so a current "
+            "that was set before may still flow; every other channel has confirmed its zero (not "
+            "found)");
+  EXPECT_GE(wire.look([&] { return listener.count("CURR 0"); }), 2);
+  EXPECT_FALSE(wire.look([&] { return other->output(); }));
 }
 
 TEST(Registry, OpensALampThatLightsTheEye) {

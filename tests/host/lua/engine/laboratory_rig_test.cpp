@@ -2,6 +2,7 @@
 // reach of the script.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/scpi_probe/emulator.h"
+#include "devices/time/error.h"
 #include "host/engine/rehearsal.h"
 #include "host/engine/run_engine.h"
 #include "host/lua/engine/engine.h"
@@ -11,7 +12,9 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <fstream>
+#include <utility>
 
 namespace vitreo {
 namespace {
@@ -46,7 +49,27 @@ struct LaboratoryRigTest : testing::Test {
   std::shared_ptr<BytePeer> meter = scpi_probe::make_emulator({.question = "MEAS?"}, [](Time) {
     return std::vector<double>{1e-3, 2e-3, 3e-3};
   });  // T
-  RealEnd wire{*meter, open_tcp_end()};
+  /// Passes everything on, and notes it.
+  struct Overheard final : BytePeer {
+    explicit Overheard(BytePeer& its) : peer(its) {}
+    void receive(std::span<const std::uint8_t> bytes, Time now) override {
+      heard.append(bytes.begin(), bytes.end());
+      peer.receive(bytes, now);
+    }
+    std::vector<TimedBytes> say(Time now) override {
+      std::vector<TimedBytes> all = peer.say(now);
+      if (stranger)
+        for (TimedBytes& one : all) one.bytes = {'?', '\n'};
+      for (const TimedBytes& one : all) said.append(one.bytes.begin(), one.bytes.end());
+      return all;
+    }
+    Time next() const override { return peer.next(); }
+    BytePeer& peer;
+    std::string heard, said;
+    std::atomic<bool> stranger{false};
+  };
+  Overheard overheard{*meter};
+  RealEnd wire{overheard, open_tcp_end()};
   SilentListener listener;
   RunRequest request;
   std::string events;
@@ -75,6 +98,73 @@ TEST_F(LaboratoryRigTest, RecordsNoTruthWhereOnlySomeInstrumentsAreSimulated) {
   EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
   const RunData data = read_run(result.folder);
   for (const Stream& stream : data.streams) EXPECT_NE(stream.info.name, "truth");
+}
+
+/// The rows of one role and event, as the text that passed.
+std::string passed(const RunData& data, const std::string& role, const std::string& event) {
+  std::string text;
+  for (const LinkRow& row : data.links)
+    if (row.role == role && row.event == event) text.append(row.bytes.begin(), row.bytes.end());
+  return text;
+}
+
+TEST_F(LaboratoryRigTest, TracesTheBytesThatTheInstrumentItselfSaw) {
+  write_rig("");
+  write_protocol("for _ = 1, 3 do rig.field_probe:measure() end");
+  request.how.trace_links = true;
+  const RunResult result = run();
+  ASSERT_EQ(result.outcome, Outcome::completed) << result.reason;
+  const RunData data = read_run(result.folder);
+  const auto seen = wire.look([&] { return std::pair(overheard.heard, overheard.said); });
+  EXPECT_EQ(passed(data, "field_probe", "to"), seen.first);
+  EXPECT_EQ(passed(data, "field_probe", "from"), seen.second);
+  EXPECT_TRUE(seen.first.starts_with("*IDN?\n")) << "from the opening on, before the record began";
+  EXPECT_EQ(data.links.front().event, "opened");
+  EXPECT_EQ(data.links.front().address, wire.address());
+  for (std::size_t i = 1; i < data.links.size(); ++i)
+    EXPECT_LE(data.links[i - 1].time, data.links[i].time);
+}
+
+TEST_F(LaboratoryRigTest, TracesNothingUnlessItIsAskedTo) {
+  write_rig("");
+  write_protocol("rig.field_probe:measure()");
+  const RunResult result = run();
+  ASSERT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_TRUE(read_run(result.folder).links.empty());
+}
+
+/// Keeps the messages.
+struct Messages final : ProgressListener {
+  void progress(double, const std::string&) override {}
+  void message(const std::string& line) override { lines.push_back(line); }
+  std::vector<std::string> lines;
+};
+
+TEST_F(LaboratoryRigTest, ShowsTheTraceOfAnOpeningThatFailsForThereIsNoRecord) {
+  overheard.stranger = true;
+  write_rig("");
+  write_protocol("");
+  request.how.trace_links = true;
+  Messages messages;
+  EXPECT_THROW(run_protocol(*engine, request, messages, {}), DeviceError);
+  std::string all;
+  for (const std::string& line : messages.lines) all += line + "\n";
+  EXPECT_NE(all.find("to      *IDN?\\x0A  2A 49 44 4E 3F 0A"), std::string::npos) << all;
+}
+
+TEST_F(LaboratoryRigTest, ACheckSaysThatItHasNotLookedWhetherTheInstrumentsAreThere) {
+  write_rig(
+      "calibrations = { field = { date = '2026-01-01', valid_days = 36500, devices = { "
+      "field_probe = 'P001' } } }");
+  write_protocol("");
+  const PreflightReport report = preflight(*engine, request);
+  const std::vector<std::string> gaps{
+      "whether field_probe is there and answers (vitreo devices --rig " + request.where.rig_file +
+          ")",
+      "whether the calibrations are of these instruments"};
+  EXPECT_EQ(report.not_looked_at, gaps);
+  EXPECT_NE(to_text(report).find("not looked at: whether field_probe is there"), std::string::npos);
+  EXPECT_EQ(to_json(report)["not_looked_at"].size(), 2U);
 }
 
 TEST_F(LaboratoryRigTest, RefusesSimulatedFaultsBeforeAnythingOpens) {
