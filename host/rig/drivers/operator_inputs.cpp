@@ -4,6 +4,7 @@
 #include "devices/instruments/foot_pedal/emulator.h"
 #include "devices/instruments/spacemouse/driver.h"
 #include "devices/instruments/spacemouse/emulator.h"
+#include "devices/links/usb_frames.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/reopened.h"
 
@@ -25,7 +26,7 @@ struct Push {
 class Pushed final : public OperatorInput {
  public:
   Pushed(const spacemouse::Settings& settings, Clock& clock, const Push& push)
-      : mouse_(spacemouse::open(memory_hid_link(emulator_, clock, Time(0)), settings, clock)) {
+      : mouse_(spacemouse::open(memory_hid_link(emulator_, clock, kUsbFrame), settings, clock)) {
     // The task's name decides its turn among tasks that are due at the same time.
     if (push.lasting > 0) hand_ = clock.spawn("hand", [this, &clock, push] { act(clock, push); });
   }
@@ -99,7 +100,7 @@ Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
     return [settings](const RigContext& where) {
       // Never pressed.
       auto released = std::make_shared<foot_pedal::Emulator>(settings.layout);
-      auto link = memory_hid_link(*released, where.clock, Time(0));
+      auto link = memory_hid_link(*released, where.clock, kUsbFrame);
       return Opened<OperatorInput>{released, foot_pedal::open(std::move(link), settings)};
     };
   const auto open = [settings,
