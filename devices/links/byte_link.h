@@ -65,11 +65,13 @@ struct LinkFaults {
 
 struct MemoryLinkSettings {
   Time latency{};   ///< either way
-  Time per_byte{};  ///< 10 / baud rate
+  Time per_byte{};  ///< character_time() of a serial line; zero: bytes take no time
 };
 
-/// A link in memory; time is spent on the clock by the caller. `peer` and `faults` (may be null)
-/// outlive the link.
+/// A link in memory: full duplex, each byte arrives when it would on such a line. As with a port of
+/// the system's, a writer goes on at once; a task of the link's own delivers. Destruction waits
+/// until what was written has arrived. `peer` and `faults` (may be null) outlive the link, and the
+/// clock does.
 std::unique_ptr<ByteLink> memory_byte_link(BytePeer& peer, Clock& clock,
                                            const MemoryLinkSettings& settings = {},
                                            const LinkFaults* faults = nullptr);

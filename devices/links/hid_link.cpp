@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/hid_link.h"
 
+#include "devices/links/usb_frames.h"
 #include "devices/time/error.h"
 
 #include <deque>
@@ -11,25 +12,25 @@
 namespace vitreo {
 namespace {
 
-/// Reports keep their order and their boundaries; each takes the latency on its way, either way.
+/// Reports keep their order and their boundaries; either way each has a frame of its own.
 class MemoryHidLink final : public HidLink {
  public:
-  MemoryHidLink(HidPeer& peer, Clock& clock, Time latency)
-      : peer_(peer), clock_(clock), latency_(latency) {
-    if (latency < Time::zero()) throw std::invalid_argument("latency: must not be negative");
+  MemoryHidLink(HidPeer& peer, Clock& clock, Time interval)
+      : peer_(peer), clock_(clock), out_(interval), in_(interval) {
+    if (interval < Time::zero()) throw std::invalid_argument("interval: must not be negative");
     peer_.connect([this](std::vector<std::uint8_t> report) { put(std::move(report)); });
   }
   MemoryHidLink(const MemoryHidLink&) = delete;
   MemoryHidLink& operator=(const MemoryHidLink&) = delete;
   ~MemoryHidLink() override { peer_.connect(nullptr); }
 
-  // The caller's task spends the latency; stopping it does not stop the report.
+  // The caller's task waits for the frame; stopping it does not stop the report.
   // As Linux' hidraw, which refuses a report of one byte (hidraw_send_report: EINVAL).
   void write(std::span<const std::uint8_t> report) override {
     if (report.size() < 2)
       throw DeviceError(DeviceErrorKind::lost, "hid", "a report cannot be sent: it is too short");
     try {
-      clock_.sleep_for(latency_);
+      clock_.sleep_until(out_.next(clock_.now()));
     } catch (const Stopped&) {
       deliver(report);  // what is on the wire arrives, whatever becomes of the sender
       throw;
@@ -65,21 +66,22 @@ class MemoryHidLink final : public HidLink {
     for (auto& reply : peer_.receive(report)) put(std::move(reply));
   }
   void put(std::vector<std::uint8_t> report) {
-    replies_.push_back({later(clock_.now(), latency_), std::move(report)});
+    replies_.push_back({in_.next(clock_.now()), std::move(report)});
     clock_.notify(arrival_);
   }
 
   HidPeer& peer_;
   Clock& clock_;
-  const Time latency_;
+  UsbFrames out_;
+  UsbFrames in_;
   std::deque<Reply> replies_;
   Signal arrival_;
 };
 
 }  // namespace
 
-std::unique_ptr<HidLink> memory_hid_link(HidPeer& peer, Clock& clock, Time latency) {
-  return std::make_unique<MemoryHidLink>(peer, clock, latency);
+std::unique_ptr<HidLink> memory_hid_link(HidPeer& peer, Clock& clock, Time interval) {
+  return std::make_unique<MemoryHidLink>(peer, clock, interval);
 }
 
 }  // namespace vitreo

@@ -40,9 +40,10 @@ class HidPeer {
   virtual void connect(const Send& /*send*/) {}
 };
 
-/// A link in memory. Each report takes `latency` on its way, either way, spent on the clock by the
-/// caller; replies wait in a queue. `peer` must outlive the link.
-std::unique_ptr<HidLink> memory_hid_link(HidPeer& peer, Clock& clock, Time latency);
+/// A link in memory. Either way a report arrives with the next frame of `interval` (kUsbFrame;
+/// zero: at once) that no report before it has, for which a writer waits; replies wait in a queue.
+/// `peer` must outlive the link. Throws std::invalid_argument for a negative interval.
+std::unique_ptr<HidLink> memory_hid_link(HidPeer& peer, Clock& clock, Time interval);
 
 /// The device with this address, by hidapi and the kernel's hidraw. Throws DeviceError{not_found}
 /// (none, or several and no serial number to choose by), {refused} without the right to open it.

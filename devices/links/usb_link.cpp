@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/usb_link.h"
 
+#include "devices/links/usb_frames.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
@@ -11,13 +12,13 @@
 namespace vitreo {
 namespace {
 
-/// A transfer is one call of the peer, at the end of the latency. It is made even when the caller
-/// is stopped or its deadline passes meanwhile: the device does not know of either.
+/// A transfer is one call of the peer, at the end of its frame. It is made even when the caller is
+/// stopped or its deadline passes meanwhile: the device does not know of either.
 class MemoryUsbLink final : public UsbLink {
  public:
-  MemoryUsbLink(UsbPeer& peer, Clock& clock, Time latency)
-      : peer_(peer), clock_(clock), latency_(latency) {
-    if (latency < Time::zero()) throw std::invalid_argument("latency: must not be negative");
+  MemoryUsbLink(UsbPeer& peer, Clock& clock, Time interval)
+      : peer_(peer), clock_(clock), frames_(interval) {
+    if (interval < Time::zero()) throw std::invalid_argument("interval: must not be negative");
   }
   const UsbIdentity& identity() const override { return peer_.identity(); }
   void write(const UsbSetup& setup, std::span<const std::uint8_t> data, Time timeout) override {
@@ -34,8 +35,10 @@ class MemoryUsbLink final : public UsbLink {
   std::vector<std::uint8_t> transfer(const UsbSetup& setup, std::span<const std::uint8_t> data,
                                      std::uint16_t length, Time timeout) {
     std::exception_ptr stopped;
+    const Time deadline = later(clock_.now(), timeout);
+    const Time over = frames_.next(clock_.now());
     try {
-      clock_.sleep_for(std::min(latency_, timeout));
+      clock_.sleep_until(std::min(over, deadline));
     } catch (const Stopped&) {
       // What is on the wire arrives, whatever becomes of the sender.
       stopped = std::current_exception();
@@ -43,7 +46,7 @@ class MemoryUsbLink final : public UsbLink {
     auto answer = peer_.control(setup, data, length);
     if (stopped) std::rethrow_exception(stopped);
     const std::string device = to_string("usb", {identity().vendor, identity().product, ""});
-    if (latency_ > timeout)
+    if (over > deadline)
       throw DeviceError(DeviceErrorKind::timeout, device, "the transfer was not over in time");
     if (!answer)
       throw DeviceError(DeviceErrorKind::refused, device, "the device stalled the transfer");
@@ -53,13 +56,13 @@ class MemoryUsbLink final : public UsbLink {
 
   UsbPeer& peer_;
   Clock& clock_;
-  const Time latency_;
+  UsbFrames frames_;
 };
 
 }  // namespace
 
-std::unique_ptr<UsbLink> memory_usb_link(UsbPeer& peer, Clock& clock, Time latency) {
-  return std::make_unique<MemoryUsbLink>(peer, clock, latency);
+std::unique_ptr<UsbLink> memory_usb_link(UsbPeer& peer, Clock& clock, Time interval) {
+  return std::make_unique<MemoryUsbLink>(peer, clock, interval);
 }
 
 }  // namespace vitreo

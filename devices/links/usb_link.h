@@ -49,9 +49,11 @@ class UsbPeer {
                                                            std::uint16_t length) = 0;
 };
 
-/// A link in memory. A transfer takes `latency`, spent on the clock by the caller. `peer` must
-/// outlive the link.
-std::unique_ptr<UsbLink> memory_usb_link(UsbPeer& peer, Clock& clock, Time latency);
+/// A link in memory. A transfer is over with the next frame of `interval` (kUsbFrame; zero: at
+/// once) that no transfer before it has, for which the caller waits: setup, data and status of a
+/// short control transfer share a frame. `peer` must outlive the link. Throws std::invalid_argument
+/// for a negative interval.
+std::unique_ptr<UsbLink> memory_usb_link(UsbPeer& peer, Clock& clock, Time interval);
 
 /// The device with this address, by libusb. Throws DeviceError{not_found} (none, or several and no
 /// serial number to choose by), {refused} without the right to open it.

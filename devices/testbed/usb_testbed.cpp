@@ -18,10 +18,10 @@ std::unique_ptr<UsbTestbed> make_usb_testbed() {
 #else
 
 #include "devices/testbed/pty_node.h"
+#include "devices/testbed/timetable.h"
 #include "devices/testbed/usb_descriptors.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cstring>
 #include <deque>
 #include <errno.h>
@@ -55,12 +55,13 @@ gboolean done(UMockdevIoctlClient* client, long result, int error = 0) {
   return TRUE;
 }
 
-/// One device that is plugged in. Its handlers run on the testbed's thread, under the testbed's
-/// lock.
+/// One device that is plugged in. Its handlers run on the testbed's thread, what waited for a frame
+/// on the timetable's, both under the testbed's lock, which is not held while a frame is awaited.
 class Plugged {
  public:
-  Plugged(std::mutex& mutex, std::string node, std::string sysfs)
-      : mutex_(mutex),
+  Plugged(Timetable& timetable, std::string node, std::string sysfs)
+      : timetable_(timetable),
+        mutex_(timetable.mutex()),
         node_(std::move(node)),
         sysfs_(std::move(sysfs)),
         handler_(umockdev_ioctl_base_new()) {
@@ -90,6 +91,8 @@ class Plugged {
     {
       const std::lock_guard lock(mutex_);
       gone_ = true;
+      timetable_.forget(this);
+      hang_up();
       pty_.close_far_end();
     }
     umockdev_testbed_uevent(testbed, sysfs_.c_str(), "remove");
@@ -104,8 +107,21 @@ class Plugged {
   virtual gboolean ioctl(UMockdevIoctlClient* client, unsigned long request,
                          UMockdevIoctlData* arg) = 0;
   virtual gboolean read(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
+  /// Ends the calls of those who wait: the device has gone.
+  virtual void hang_up() {}
   virtual gboolean write(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
 
+  /// `work` with the next frame of an endpoint, at once where its transfers take no time.
+  void with_frame(UsbFrames& endpoint, const std::function<void()>& work) {
+    const Time now = timetable_.now();
+    const Time due = endpoint.next(now);
+    if (due <= now)
+      work();
+    else
+      timetable_.add(due, this, work);
+  }
+
+  Timetable& timetable_;
   std::mutex& mutex_;
   const std::string node_;
   const std::string sysfs_;
@@ -145,8 +161,9 @@ class Plugged {
 /// (linux/usbdevice_fs.h).
 class PluggedUsb final : public Plugged {
  public:
-  PluggedUsb(std::mutex& mutex, const std::string& node, const std::string& sysfs, UsbPeer& peer)
-      : Plugged(mutex, node, sysfs), peer_(peer) {
+  PluggedUsb(Timetable& timetable, const std::string& node, const std::string& sysfs, UsbPeer& peer,
+             Time interval)
+      : Plugged(timetable, node, sysfs), peer_(peer), frames_(interval) {
     pty_.block_output();  // libusb takes a writable node for a URB that can be reaped
   }
 
@@ -176,21 +193,28 @@ class PluggedUsb final : public Plugged {
     }
   }
 
-  /// Done at once, but for a silent device. The buffer begins with the eight bytes of the setup.
+  /// Done with its frame, but for a silent device. The buffer begins with the eight bytes of the
+  /// setup; it is copied from the client while that waits for this request.
   gboolean submit(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
     Data urb_data = resolve(arg, 0, sizeof(usbdevfs_urb));
     auto* urb = reinterpret_cast<usbdevfs_urb*>(urb_data->data);
     const int length = urb->buffer_length;
-    const Data buffer =
+    Data buffer =
         resolve(urb_data.get(), offsetof(usbdevfs_urb, buffer), static_cast<std::size_t>(length));
     if (urb->type != USBDEVFS_URB_TYPE_CONTROL || length < 8) return done(client, -1, EINVAL);
-    if (fault_ == UsbFault::silent)
-      pending_.push_back(std::move(urb_data));
-    else {
-      transfer(*urb, buffer->data);
-      finish(std::move(urb_data));
-    }
+    const unsigned long address = urb_data->client_addr;
+    pending_.push_back({std::move(urb_data), std::move(buffer)});
+    if (fault_ != UsbFault::silent) with_frame(frames_, [this, address] { complete(address); });
     return done(client, 0);
+  }
+
+  /// The transfer of a URB that was not taken back meanwhile.
+  void complete(unsigned long address) {
+    const auto one = find_pending(address);
+    if (one == pending_.end() || fault_ == UsbFault::silent) return;
+    transfer(*reinterpret_cast<usbdevfs_urb*>(one->urb->data), one->buffer->data);
+    finish(std::move(one->urb));
+    pending_.erase(one);
   }
 
   /// USB 2.0, table 9-2: type, request, value, index, length. A stall is the status -EPIPE.
@@ -241,18 +265,26 @@ class PluggedUsb final : public Plugged {
   gboolean discard(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
     unsigned long address = 0;
     std::memcpy(&address, arg->data, sizeof address);
-    const auto urb = std::find_if(pending_.begin(), pending_.end(), [address](const Data& one) {
-      return one->client_addr == address;
-    });
-    if (urb == pending_.end()) return done(client, -1, EINVAL);
-    reinterpret_cast<usbdevfs_urb*>((*urb)->data)->status = -ENOENT;
-    finish(std::move(*urb));
-    pending_.erase(urb);
+    const auto one = find_pending(address);
+    if (one == pending_.end()) return done(client, -1, EINVAL);
+    reinterpret_cast<usbdevfs_urb*>(one->urb->data)->status = -ENOENT;
+    finish(std::move(one->urb));
+    pending_.erase(one);
     return done(client, 0);
   }
 
+  struct Pending {
+    Data urb;
+    Data buffer;
+  };
+  std::deque<Pending>::iterator find_pending(unsigned long address) {
+    return std::find_if(pending_.begin(), pending_.end(),
+                        [address](const Pending& one) { return one.urb->client_addr == address; });
+  }
+
   UsbPeer& peer_;
-  std::deque<Data> pending_;
+  UsbFrames frames_;
+  std::deque<Pending> pending_;
   std::deque<Data> finished_;
 };
 
@@ -260,19 +292,24 @@ class PluggedUsb final : public Plugged {
 /// be read.
 class PluggedHid final : public Plugged {
  public:
-  PluggedHid(std::mutex& mutex, const std::string& node, const std::string& sysfs, HidPeer& peer,
-             Bytes descriptor)
-      : Plugged(mutex, node, sysfs), peer_(peer), descriptor_(std::move(descriptor)) {
+  PluggedHid(Timetable& timetable, const std::string& node, const std::string& sysfs, HidPeer& peer,
+             Bytes descriptor, Time interval)
+      : Plugged(timetable, node, sysfs),
+        peer_(peer),
+        descriptor_(std::move(descriptor)),
+        out_(interval),
+        in_(interval) {
     peer_.connect([this](Bytes report) { put(std::move(report)); });
   }
   ~PluggedHid() override {
     peer_.connect(nullptr);
-    release_writers(-1, ENODEV);
+    hang_up();
   }
   // Writers that were stuck get EIO: the kernel's own end of such a write.
   void set_fault(UsbFault fault) override {
+    const bool ends = fault_ == UsbFault::stuck && fault != UsbFault::stuck;
     Plugged::set_fault(fault);
-    if (fault != UsbFault::stuck) release_writers(-1, EIO);
+    if (ends) release_all(EIO);
   }
 
  private:
@@ -293,16 +330,25 @@ class PluggedHid final : public Plugged {
     return done(client, -1, ENOTTY);
   }
 
+  /// Not completed here: the writer waits for its frame. One whose report does not get through
+  /// waits for release_all().
   gboolean write(UMockdevIoctlClient* client, UMockdevIoctlData* arg) override {
-    // Not completed: the writer blocks until release_writers().
-    if (fault_ == UsbFault::stuck) {
-      stuck_.push_back(UMOCKDEV_IOCTL_CLIENT(g_object_ref(client)));
-      return TRUE;
-    }
-    const Bytes report(arg->data, arg->data + arg->data_len);
+    writers_.push_back(
+        {UMOCKDEV_IOCTL_CLIENT(g_object_ref(client)), Bytes(arg->data, arg->data + arg->data_len)});
+    if (fault_ != UsbFault::stuck) with_frame(out_, [this, client] { take(client); });
+    return TRUE;
+  }
+
+  /// The report of a writer whose frame has come. A client has one system call at a time.
+  void take(UMockdevIoctlClient* client) {
+    const auto writer = std::find_if(writers_.begin(), writers_.end(),
+                                     [client](const Writer& one) { return one.client == client; });
+    if (writer == writers_.end() || fault_ == UsbFault::stuck) return;
+    const Writer own = std::move(*writer);
+    writers_.erase(writer);
     if (fault_ == UsbFault::none)
-      for (Bytes& reply : peer_.receive(report)) put(std::move(reply));
-    return done(client, arg->data_len);
+      for (Bytes& reply : peer_.receive(own.report)) put(std::move(reply));
+    release(own, static_cast<long>(own.report.size()));
   }
 
   /// One report a read, cut to the reader's buffer, and its byte out of the pty.
@@ -318,23 +364,35 @@ class PluggedHid final : public Plugged {
     return done(client, static_cast<long>(size));
   }
 
-  // Called under the testbed's lock: by a request's handler, or in with_emulators().
+  // Called under the testbed's lock: by a request's handler, by the timetable, or in
+  // with_emulators().
   void put(Bytes report) {
-    if (fault_ == UsbFault::silent || gone_) return;
-    reports_.push_back(std::move(report));
-    pty_.put_byte();
+    with_frame(in_, [this, report = std::move(report)] {
+      if (fault_ == UsbFault::silent || gone_) return;
+      reports_.push_back(report);
+      pty_.put_byte();
+    });
   }
 
-  void release_writers(long result, int error) {
-    for (UMockdevIoctlClient* const client : std::exchange(stuck_, {})) {
-      umockdev_ioctl_client_complete(client, result, error);
-      g_object_unref(client);
-    }
+  /// Someone in a write() that has not returned.
+  struct Writer {
+    UMockdevIoctlClient* client;
+    Bytes report;
+  };
+  static void release(const Writer& writer, long result, int error = 0) {
+    umockdev_ioctl_client_complete(writer.client, result, error);
+    g_object_unref(writer.client);
   }
+  void release_all(int error) {
+    for (const Writer& writer : std::exchange(writers_, {})) release(writer, -1, error);
+  }
+  void hang_up() override { release_all(ENODEV); }
 
   HidPeer& peer_;
   const Bytes descriptor_;
-  std::vector<UMockdevIoctlClient*> stuck_;  // they wait for the end of a write
+  UsbFrames out_;
+  UsbFrames in_;
+  std::vector<Writer> writers_;
   std::deque<Bytes> reports_;
 };
 
@@ -366,8 +424,8 @@ class TerminalNode {
   UMockdevIoctlBase* const handler_;
 };
 
-// Peers are borrowed. Handlers call them on a thread of umockdev's, under mutex_, which
-// with_emulators() takes as well.
+// Peers are borrowed. Handlers call them on a thread of umockdev's, and the timetable on its own,
+// under mutex_, which with_emulators() takes as well.
 class Umockdev final : public UsbTestbed {
  public:
   Umockdev() : testbed_(umockdev_testbed_new()) {}
@@ -380,20 +438,23 @@ class Umockdev final : public UsbTestbed {
     g_object_unref(testbed_);
   }
 
-  int plug(UsbPeer& peer) override {
+  int plug(UsbPeer& peer, Time interval) override {
     const int number = next_++;
     const UsbPaths paths(number);
-    add(number, paths.node, std::make_unique<PluggedUsb>(mutex_, paths.node, paths.sysfs(), peer),
+    add(number, paths.node,
+        std::make_unique<PluggedUsb>(timetable_, paths.node, paths.sysfs(), peer, interval),
         describe_usb(paths, peer.identity(), 0xFF));
     return number;
   }
-  int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page, int usage) override {
+  int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page, int usage,
+           Time interval) override {
     const int number = next_++;
     const UsbPaths paths(number);
     const Bytes descriptor = report_descriptor(usage_page, usage);
     const HidPaths hid(paths, identity);
     add(number, hid.node,
-        std::make_unique<PluggedHid>(mutex_, hid.node, paths.sysfs(), peer, descriptor),
+        std::make_unique<PluggedHid>(timetable_, hid.node, paths.sysfs(), peer, descriptor,
+                                     interval),
         describe_usb(paths, identity, 0x03) + describe_hid(paths, hid, identity, descriptor));
     return number;
   }
@@ -436,6 +497,7 @@ class Umockdev final : public UsbTestbed {
 
   UMockdevTestbed* const testbed_;
   std::mutex mutex_;
+  Timetable timetable_{mutex_};
   std::map<int, std::unique_ptr<Plugged> > plugged_;
   std::vector<std::unique_ptr<TerminalNode> > nodes_;
   int next_ = 1;

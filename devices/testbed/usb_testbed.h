@@ -5,6 +5,7 @@
 #pragma once
 
 #include "devices/links/hid_link.h"
+#include "devices/links/usb_frames.h"
 #include "devices/links/usb_link.h"
 
 #include <functional>
@@ -22,16 +23,20 @@ enum class UsbFault {
   silent,
 };
 
+/// Usage page of HID devices that are none of the standard's kinds: the makers' own.
+constexpr int kVendorUsage = 0xFF00;
+
 class UsbTestbed {
  public:
   virtual ~UsbTestbed() = default;
-  /// The device appears on the bus. `peer` must outlive the testbed or be unplugged first. Returns
-  /// the plug's number.
-  virtual int plug(UsbPeer& peer) = 0;
-  /// The same for a HID device, which appears as a hidraw node. `usage_page`, `usage`: of its
-  /// top-level collection.
-  virtual int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page = 0xFF00,
-                   int usage = 1) = 0;
+  /// The device appears on the bus. `peer` must outlive the testbed or be unplugged first. A
+  /// transfer is over with the next frame of `interval` (usb_frames.h), until which the program
+  /// that asked for it waits, and no other; zero: at once. Returns the plug's number.
+  virtual int plug(UsbPeer& peer, Time interval = kUsbFrame) = 0;
+  /// The same for a HID device, which appears as a hidraw node: a report a frame, either way.
+  /// `usage_page`, `usage`: of its top-level collection.
+  virtual int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page = kVendorUsage,
+                   int usage = 1, Time interval = kUsbFrame) = 0;
   virtual void unplug(int plug) = 0;
   /// From now on the serial port `node` (below /dev) is the terminal `target`, such as a
   /// pseudo-terminal.

@@ -3,6 +3,7 @@
 
 #include "host/record/disk_watch.h"
 #include "host/text/columns.h"
+#include "host/text/units.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -41,6 +42,30 @@ double largest(const std::vector<double>& peaks) {
   return peaks.empty() ? 0 : *std::max_element(peaks.begin(), peaks.end());
 }
 
+/// What the links take, and the loop that they let through.
+std::string links_text(const LoopRate& loop) {
+  std::string text;
+  for (const LinkLoad& load : loop.links)
+    text += fmt::format("{}: {} takes {}: {}\n", load.role, load.command,
+                        format_quantity(load.time.seconds, "s"), load.time.arithmetic);
+  if (loop.held <= 0) return text;
+  text += fmt::format("servo loop: the links hold {}, limited by {}",
+                      format_quantity(loop.held, "Hz"), loop.limit);
+  if (loop.asked > 0)
+    text += fmt::format("; {} asks for {}", loop.source, format_quantity(loop.asked, "Hz"));
+  return text + "\n";
+}
+
+nlohmann::json links_json(const LoopRate& loop) {
+  nlohmann::json links = nlohmann::json::array();
+  for (const LinkLoad& load : loop.links)
+    links.push_back({{"role", load.role},
+                     {"command", load.command},
+                     {"time", load.time.seconds},
+                     {"arithmetic", load.time.arithmetic}});
+  return links;
+}
+
 }  // namespace
 
 std::string to_text(const PreflightReport& report) {
@@ -57,6 +82,7 @@ std::string to_text(const PreflightReport& report) {
                         format_quantity(report.coils.energized, "s"));
   }
   text += axes_text(report.moves);
+  text += links_text(report.loop);
   text += "disk: at least " + size_text(static_cast<std::uint64_t>(report.disk_bytes)) + "\n";
   for (const std::string& warning : report.warnings) text += "warning: " + warning + "\n";
   for (const std::string& problem : report.problems) text += "problem: " + problem + "\n";
@@ -86,6 +112,12 @@ nlohmann::json to_json(const PreflightReport& report) {
             {"energized", report.coils.energized},
             {"trips", report.coils.trips}}},
           {"moves", moves},
+          {"links", links_json(report.loop)},
+          {"servo_loop",
+           {{"held", report.loop.held},
+            {"limited_by", report.loop.limit},
+            {"asked", report.loop.asked},
+            {"asked_by", report.loop.source}}},
           {"frame_bytes_per_second", report.frame_bytes_per_second},
           {"disk_bytes", report.disk_bytes},
           {"arguments_time", report.arguments_time},

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/engine/loop_rate.h"
 #include "host/rig/twin.h"
 
 #include <nlohmann/json.hpp>
@@ -19,6 +20,7 @@ struct PreflightReport {
   double duration = 0;                     // s of the rig's time that the run takes at least
   CoilUse coils;                           // peak currents and time energized
   std::vector<AxisUse> moves;              // travel of each axis that moves
+  LoopRate loop;                           // that the links of the rig can hold
   double frame_bytes_per_second = 0;       // of the frames that are to be recorded
   double disk_bytes = 0;                   // that the run needs at least
   double arguments_time = 0;               // s of wall time: the checks of the request

@@ -5,10 +5,12 @@
 #include "devices/time/quiet_thread.h"
 #include "host/engine/disk_need.h"
 #include "host/engine/interrupts.h"
+#include "host/engine/loop_rate.h"
 #include "host/engine/run_result.h"
 #include "host/engine/watchdog.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/registry.h"
+#include "host/rig/rig_settings.h"
 #include "host/servo/simulated_side.h"
 #include "host/text/units.h"
 
@@ -179,6 +181,7 @@ class DryRun {
     report_.duration = to_seconds(clock_->now());
     report_.coils = twin_.coils();
     report_.moves = twin_.moves();
+    report_links(rehearsal);
     for (const std::string& trip : report_.coils.trips)
       report_.problems.push_back("the interlock tripped: " + trip);
     for (const std::string& remark : rehearsal.remarks) report_.warnings.push_back(remark);
@@ -186,6 +189,18 @@ class DryRun {
     report_.frame_bytes_per_second = frame_bytes_per_second(rehearsal.frames, rig);
     report_.disk_bytes =
         sample_bytes(recorder_) + report_.frame_bytes_per_second * report_.duration;
+  }
+
+  // By the rig file and not by its twin, whose clock waits for no machine: what the script's loops
+  // ask of the links, and what those cannot keep.
+  void report_links(const Rehearsal& rehearsal) {
+    const LinkLoads rig = link_loads(checked_.rig);
+    report_.loop = loop_rate(rig, rehearsal.loop_sources);
+    // First: what the dry run itself stumbled over may come of it.
+    const std::vector<std::string> slow = beyond_links(rig, rehearsal.loop_sources);
+    report_.problems.insert(report_.problems.begin(), slow.begin(), slow.end());
+    if (report_.coils.energized > 0)
+      report_.warnings.insert(report_.warnings.end(), rig.warnings.begin(), rig.warnings.end());
   }
 
   // The same streams as conduct() records, so that a script that reads "truth" is rehearsed with
@@ -275,6 +290,7 @@ PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
   for (const std::string& stale : calibrations.out_of_date(today_text()))
     // By date only: no instrument is open, so their identities are not known.
     (calibrations.refuse_stale ? report.problems : report.warnings).push_back(stale);
+  report.loop = loop_rate(link_loads(checked.rig));
   std::optional<DryRun> dry_run;
   try {
     dry_run.emplace(engine, request, checked, limits, report);

@@ -5,6 +5,8 @@
 #include "devices/instruments/genicam/camera_server.h"
 #include "devices/instruments/spacemouse/emulator.h"
 #include "devices/links/peer_end.h"
+#include "devices/links/serial_line.h"
+#include "devices/links/usb_frames.h"
 #include "devices/testbed/usb_testbed.h"
 #include "devices/time/error.h"
 #include "devices/time/quiet_thread.h"
@@ -31,8 +33,11 @@
 namespace vitreo {
 namespace {
 
-// Period at which bytes are moved: below the time of one character at 19 200 baud (521 us).
-constexpr std::chrono::microseconds kPump{500};
+// Period at which idle wires are looked at: below the time of one character at 19 200 baud (521
+// us).
+constexpr Time kPump = std::chrono::microseconds(500);
+// A byte that is due at once is not waited for without a pause.
+constexpr Time kLeastPause = std::chrono::microseconds(50);
 constexpr const char* kLocal = "tcp:127.0.0.1:";
 
 bool begins(const std::string& text, const std::string& with) { return text.rfind(with, 0) == 0; }
@@ -76,13 +81,15 @@ class Emulation::State {
     for (const auto& [role, value] : description.table)
       if (const auto* const table = std::get_if<ConfigTable>(&value.value))
         offer(role, text_of(*table, "driver"), text_of(*table, "address"));
-    thread_ = quiet_thread([this] { pump(); });
+    transfers_ = quiet_thread([this] { transfer(); });
+    exchanges_ = quiet_thread([this] { exchange(); });
   }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
   ~State() {
     ended_ = true;
-    thread_.join();
+    transfers_.join();
+    exchanges_.join();
     cameras_.clear();
   }
 
@@ -170,7 +177,9 @@ class Emulation::State {
         return say(role, address + " is not emulated here: only 127.0.0.1 is");
       const int port =
           tcp && begins(address, kLocal) ? std::stoi(address.substr(std::strlen(kLocal))) : 0;
-      End end{tcp ? open_tcp_end(port) : open_pty_end(), std::move(peer)};
+      // A pseudo-terminal knows no baud rate: the line's time is kept at its far end.
+      const Time per_byte = baud_rate > 0 ? character_time(baud_rate) : Time::zero();
+      End end{tcp ? open_tcp_end(port) : open_pty_end(per_byte), std::move(peer)};
       std::string shown = end.wire->address();
       if (!tcp && in_place_) {
         // The pseudo-terminal appears under the name of the rig file's port.
@@ -178,7 +187,7 @@ class Emulation::State {
                            shown.substr(shown.find(':') + 1));
         shown = address + " (" + shown + ")";
       }
-      if (!tcp) shown += fmt::format(", {} baud", baud_rate);
+      if (baud_rate > 0) shown += fmt::format(", {} baud", baud_rate);
       say(role, shown);
       ends_.push_back(std::move(end));
     };
@@ -204,16 +213,20 @@ class Emulation::State {
   // 0x01, 0x08 of the SpaceMouse: the HID usage "multi-axis controller" on the page of generic
   // desktop controls. An address without a serial number takes any; the emulated device has "1"
   // then.
+  // Each transfer takes its frame, as the rig file has it.
   void plug(const std::string& role, const std::string& driver, const UsbAddress& address) {
+    const double interval =
+        reader_.resolved().at(role).value("transfer_interval", to_seconds(kUsbFrame));
+    const Time frame = from_seconds(interval);
     UsbIdentity identity{
         address.vendor, address.product,      0x0100, address.serial.empty() ? "1" : address.serial,
         "Vitreo",       "emulated " + driver, ""};
     if (driver == "usb3103")
-      testbed().plug(laboratory_.coil_outputs(), identity);
+      testbed().plug(laboratory_.coil_outputs(), identity, kVendorUsage, 1, frame);
     else if (driver == "led")
-      plug_lamp(identity);
+      plug_lamp(identity, frame);
     else if (driver == "pololu_tic")
-      testbed().plug(laboratory_.lens_motor());
+      testbed().plug(laboratory_.lens_motor(), frame);
     else if (driver == "spacemouse")
       testbed().plug(mouse_, identity, 0x01, 0x08);
     else if (driver == "foot_pedal")
@@ -223,7 +236,7 @@ class Emulation::State {
   }
 
   /// The light in the simulated eye is what the output puts out, as in host/rig/drivers/led_lamp.
-  void plug_lamp(const UsbIdentity& identity) {
+  void plug_lamp(const UsbIdentity& identity, Time frame) {
     const nlohmann::json& lamp = reader_.resolved().at("lamp");
     const auto output = lamp.at("output").get<std::size_t>();
     const double level_per_volt =
@@ -232,7 +245,7 @@ class Emulation::State {
       laboratory_.set_light(volts[output] * level_per_volt);
     });
     laboratory_.set_light(0);
-    testbed().plug(*lamp_, identity);
+    testbed().plug(*lamp_, identity, kVendorUsage, 1, frame);
   }
 
   /// A GigE Vision camera that streams what the role sees of the simulated world. The server calls
@@ -271,13 +284,26 @@ class Emulation::State {
       work();
   }
 
-  // Polled, because a pseudo-terminal and the emulators' own delays have no common event to wait
-  // for.
-  void pump() {
+  // The wires' own thread. It never waits for the world, so that bytes keep their times while an
+  // image is drawn. Polled, because a pseudo-terminal and the emulators' own delays have no common
+  // event to wait for; while bytes are on their way the next of them is waited for.
+  void transfer() {
+    while (!ended_) {
+      Time due = later(clock_->now(), kPump);
+      for (End& end : ends_) {
+        end.wire->transfer(clock_->now());
+        due = std::min(due, end.wire->next());
+      }
+      std::this_thread::sleep_for(std::max(due - clock_->now(), kLeastPause));
+    }
+  }
+
+  /// The emulators' turns at the world.
+  void exchange() {
     while (!ended_) {
       if (!ends_.empty())
         with_world([this] {
-          for (End& end : ends_) end.wire->pump(*end.peer, clock_->now());
+          for (End& end : ends_) end.wire->exchange(*end.peer, clock_->now());
         });
       std::this_thread::sleep_for(kPump);
     }
@@ -304,7 +330,8 @@ class Emulation::State {
   std::unique_ptr<UsbTestbed> testbed_;
   std::vector<std::unique_ptr<genicam::CameraServer>> cameras_;
   std::atomic<bool> ended_{false};
-  std::thread thread_;
+  std::thread transfers_;
+  std::thread exchanges_;
 };
 
 Emulation::Emulation(const RigDescription& description, const EmulationSettings& settings)

@@ -18,6 +18,7 @@
 #include "devices/sim/laboratory.h"
 #include "devices/time/clock.h"
 #include "host/config/config.h"
+#include "host/rig/link_load.h"
 #include "host/rig/opening_error.h"
 
 #include <functional>
@@ -34,6 +35,7 @@ struct InstrumentReader {
   std::string role;                     // how errors call the instrument
   std::string address;                  // "emulated", or as devices/links/address.h says
   sim::LaboratorySettings& laboratory;  // what an emulated instrument acts on
+  LinkLoads& links;                     // to which it adds what its commands cost
   bool emulated() const { return address == "emulated"; }
 };
 
@@ -51,8 +53,8 @@ struct RigContext {
   /// what they carry.
   std::shared_ptr<SimulatedPlaces> places = std::make_shared<SimulatedPlaces>();
   /// Where only the far ends are wanted: it is given the emulator of each instrument that talks
-  /// bytes, with the address and the baud rate of the rig file; the instrument itself is not
-  /// opened. Empty: everything is.
+  /// bytes, with the address and the baud rate of the rig file (0: its bytes take no time); the
+  /// instrument itself is not opened. Empty: everything is.
   std::function<void(const std::string& address, int baud_rate, std::shared_ptr<BytePeer>)> offer{};
   /// The rig as resolved, for errors; null: not known. It and the tap outlive the instruments.
   const nlohmann::json* rig = nullptr;
@@ -134,16 +136,16 @@ bool is_recording(const std::string& address);
 /// The address of a USB or HID instrument; `scheme` is "usb" or "hid". Throws ConfigError.
 UsbAddress read_usb_address(const InstrumentReader& instrument, const std::string& scheme);
 
-/// Reads `driver`, `address` and what that driver wants; `usual` is the driver where the rig file
-/// names none. The caller finishes the reader.
+/// Reads `driver`, `address` and what that driver wants, and adds its commands' costs to `links`;
+/// `usual` is the driver where the rig file names none. The caller finishes the reader.
 template <class Role>
 Opener<Role> read_instrument(ConfigReader& reader, const std::string& role,
-                             sim::LaboratorySettings& laboratory,
+                             sim::LaboratorySettings& laboratory, LinkLoads& links,
                              const std::string& usual = drivers<Role>().front().name) {
   std::vector<std::string> names;
   for (const auto& entry : drivers<Role>()) names.emplace_back(entry.name);
   const std::string wanted = reader.choice("driver", usual, names);
-  const InstrumentReader instrument{reader, role, read_address(reader), laboratory};
+  const InstrumentReader instrument{reader, role, read_address(reader), laboratory, links};
   for (const auto& entry : drivers<Role>())
     if (entry.name == wanted) return explained(instrument, entry.read(instrument));
   reader.fail("driver", "is not known");

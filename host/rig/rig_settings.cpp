@@ -65,14 +65,14 @@ void read_camera(ConfigReader& reader, sim::CameraSettings& camera, double& pixe
 }
 
 /// A simulated camera (a null opener), or an opener of a real one; both set the model's pixel size.
-Opener<Camera> read_any_camera(ConfigReader& reader, const std::string& role,
-                               sim::LaboratorySettings& laboratory, sim::CameraSettings& camera,
-                               double& pixel) {
+Opener<Camera> read_any_camera(ConfigReader& reader, const std::string& role, RigSettings& settings,
+                               sim::CameraSettings& camera, double& pixel) {
   std::vector<std::string> names{"simulated"};
   for (const auto& entry : drivers<Camera>()) names.emplace_back(entry.name);
   const std::string driver = reader.choice("driver", "simulated", names);
   if (driver == "simulated") {
     read_camera(reader, camera, pixel);
+    settings.links.loads.push_back({role, "an image", {}, true, camera.frame_rate});
     return nullptr;
   }
   // The model's image center and scale are computed before the camera is opened; a default would be
@@ -80,7 +80,8 @@ Opener<Camera> read_any_camera(ConfigReader& reader, const std::string& role,
   for (const char* key : {"width_px", "height_px", "effective_pixel"})
     if (!reader.has(key))
       reader.fail(key, "must be given for a real camera: the model of the view is made with it");
-  const InstrumentReader instrument{reader, role, read_address(reader), laboratory};
+  const InstrumentReader instrument{reader, role, read_address(reader), settings.laboratory,
+                                    settings.links};
   pixel = reader.number("effective_pixel", pixel, {0.5e-6, 200e-6, "m"});
   camera.size.width = reader.integer("width_px", camera.size.width, 1, 1 << 16);
   camera.size.height = reader.integer("height_px", camera.size.height, 1, 1 << 16);
@@ -103,7 +104,7 @@ void read_top_camera(ConfigReader reader, RigSettings& settings) {
   settings.laboratory.sensor_aperture =
       reader.number("sensor_aperture", settings.laboratory.sensor_aperture, {0.005, 0.4, ""});
   optics::ImageScale& image = settings.model.top_image;
-  settings.top = read_any_camera(reader, "top_camera", settings.laboratory, camera, image.pixel);
+  settings.top = read_any_camera(reader, "top_camera", settings, camera, image.pixel);
   const Eigen::Vector2d middle((camera.size.width - 1) / 2.0, (camera.size.height - 1) / 2.0);
   image.center_px = reader.vector2("center_px", middle, {-8192, 8192, ""});
   optics::Microscope& microscope = settings.model.microscope;
@@ -130,8 +131,8 @@ void read_side_camera(ConfigReader reader, RigSettings& settings) {
   settings.side_camera = true;
   sim::CameraSettings& camera = settings.laboratory.side;
   camera.size = {656, 490};
-  settings.side = read_any_camera(reader, "side_camera", settings.laboratory, camera,
-                                  settings.model.side_pixel);
+  settings.side =
+      read_any_camera(reader, "side_camera", settings, camera, settings.model.side_pixel);
   const Eigen::Vector2d middle((camera.size.width - 1) / 2.0, (camera.size.height - 1) / 2.0);
   settings.model.side_center_px = reader.vector2("center_px", middle, {-8192, 8192, ""});
   reader.finish();
@@ -161,7 +162,8 @@ void read_guardian(ConfigReader& reader, RigSettings& settings) {
 
 // The interlock's limit of a channel is interlock_current, else the amplifier's current_limit.
 void read_coils(ConfigReader reader, RigSettings& settings) {
-  settings.coils = read_instrument<CoilAmplifier>(reader, "coils", settings.laboratory);
+  settings.coils =
+      read_instrument<CoilAmplifier>(reader, "coils", settings.laboratory, settings.links);
   // Where the file states the amplifier's limit, that is the interlock's default too: one number
   // limits both.
   const double limit = reader.has("current_limit")
@@ -198,14 +200,14 @@ template <class Role>
 void read_role(ConfigReader& rig, const char* role, RigSettings& settings, Opener<Role>& opener) {
   if (!rig.has(role)) return;
   ConfigReader reader = rig.table(role);
-  opener = read_instrument<Role>(reader, role, settings.laboratory);
+  opener = read_instrument<Role>(reader, role, settings.laboratory, settings.links);
   reader.finish();
 }
 
 /// dead_man = { 1, 3 }: these pedals, counted from 1, must be held while the coils are energized.
 void read_pedal(ConfigReader reader, RigSettings& settings) {
-  settings.pedal =
-      read_instrument<OperatorInput>(reader, "pedal", settings.laboratory, "foot_pedal");
+  settings.pedal = read_instrument<OperatorInput>(reader, "pedal", settings.laboratory,
+                                                  settings.links, "foot_pedal");
   for (const double pedal : reader.numbers("dead_man", {}, {1, 32, ""})) {
     if (pedal != std::floor(pedal)) reader.fail("dead_man", "wants the numbers of pedals, from 1");
     settings.dead_man_pedals |= 1U << (static_cast<unsigned>(pedal) - 1);
@@ -219,14 +221,14 @@ void read_pedal(ConfigReader reader, RigSettings& settings) {
 // The one role that gives the truth to a script; check_rig() refuses it beside real instruments.
 /// Which axis is focus is the rig's matter, not the driver's: it follows from how it is mounted.
 void read_stage(ConfigReader reader, RigSettings& settings) {
-  settings.stage = read_instrument<Stage>(reader, "stage", settings.laboratory);
+  settings.stage = read_instrument<Stage>(reader, "stage", settings.laboratory, settings.links);
   settings.model.focus_axis =
       reader.choice("focus_axis", settings.model.focus_axis, {"x", "y", "z"});
   reader.finish();
 }
 
 void read_lamp(ConfigReader reader, RigSettings& settings) {
-  settings.lamp = read_instrument<Lamp>(reader, "lamp", settings.laboratory);
+  settings.lamp = read_instrument<Lamp>(reader, "lamp", settings.laboratory, settings.links);
   settings.lamp_level = reader.number("level", settings.lamp_level, {0, 1, ""});
   read_guardian(reader, settings);
   reader.finish();
@@ -238,6 +240,7 @@ void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
   sensor.frame_rate = reader.number("frame_rate", sensor.frame_rate, {0.1, 2000, "Hz"});
   sensor.latency = reader.number("latency", sensor.latency, {0, 0.39, "s"});
   sensor.noise = reader.number("noise", sensor.noise, {1e-9, 1e-3, "m"});
+  settings.links.loads.push_back({"pose_sensor", "a reading", {}, false, sensor.frame_rate});
   reader.finish();
 }
 
@@ -357,6 +360,11 @@ std::vector<std::string> check_rig(const RigDescription& rig) {
   for (const std::string& role : role_names())
     if (reader.has(role)) roles.push_back(role);
   return roles;
+}
+
+LinkLoads link_loads(const RigDescription& rig) {
+  ConfigReader reader(rig);
+  return read_rig_settings(reader).links;
 }
 
 }  // namespace vitreo

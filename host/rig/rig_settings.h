@@ -5,6 +5,7 @@
 #include "devices/sim/laboratory.h"
 #include "devices/sim/pose_sensor.h"
 #include "host/config/config.h"
+#include "host/rig/link_load.h"
 #include "host/rig/registry.h"
 #include "host/rig/rig.h"
 #include "host/safety/guardian/wire.h"
@@ -24,6 +25,7 @@ struct RigSettings {
   std::string calibration;        // file of the plant's field, "" for the model's own dipoles
   bool exact_projection = false;  // localize by the exact projection instead
   InterlockLimits limits;
+  LinkLoads links;
   PausePolicy coil_pause = PausePolicy::hold;
   std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
   std::optional<sim::PoseSensorSettings> pose_sensor;
@@ -53,5 +55,9 @@ RigSettings read_rig_settings(ConfigReader& reader);
 /// The roles that a rig file gives its instruments to, sorted, once all of it was found within its
 /// bounds. Opens nothing. Throws ConfigError.
 std::vector<std::string> check_rig(const RigDescription& rig);
+
+/// What the commands to the rig's instruments cost on their links. Opens nothing. Throws
+/// ConfigError.
+LinkLoads link_loads(const RigDescription& rig);
 
 }  // namespace vitreo

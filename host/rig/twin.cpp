@@ -148,7 +148,12 @@ RigDescription twin_of(const RigDescription& rig) {
   }
   for (auto& [name, value] : twin.table) {
     auto* const role = std::get_if<ConfigTable>(&value.value);
-    if (role != nullptr && is_real(*role)) (*role)["address"].value = std::string("emulated");
+    if (role == nullptr || !is_real(*role)) continue;
+    const std::string address = text_of(*role, "address");
+    (*role)["address"].value = std::string("emulated");
+    // Else the emulated link would be a serial line, at whatever baud rate is usual.
+    if (address.starts_with("tcp:") && address.find("serial:") == std::string::npos)
+      (*role)["baud_rate"].value = 0.0;
   }
   // The questions stay, and what they ask for happens in the twin's world.
   if (ConfigTable* const sample = table_in(twin.table, "sample");

@@ -157,7 +157,11 @@ std::string Interlock::unmet() const {
 void Interlock::send(std::span<const double> currents) {
   warm_up();
   energized_ = energized_ || !is_zero(currents);
-  amplifier_.set_currents(currents);
+  try {
+    amplifier_.set_currents(currents);
+  } catch (const DeviceError&) {
+    if (enabled_) throw;  // else the amplifier was made safe under the set-point's feet
+  }
   // Opened by another task while this set-point was on its way: it is taken back.
   if (!enabled_) {
     make_safe();

@@ -20,6 +20,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -31,10 +32,11 @@ class FaultInjector;
 /// Substitutes of a dry run for the operator's hands and the cameras, and what it found: no
 /// operator answers, and poses stand in for images where they can.
 struct Rehearsal {
-  std::function<void()> bring_robot;  // of a rig without a sample handler: the operator's hands
-  bool pose_sensor = false;           // the rig has one of its own
-  std::vector<FramePolicy> frames;    // whose recording the script asked for
-  std::vector<std::string> remarks;   // differences between the dry run and the run to come
+  std::function<void()> bring_robot;   // of a rig without a sample handler: the operator's hands
+  bool pose_sensor = false;            // the rig has one of its own
+  std::vector<FramePolicy> frames;     // whose recording the script asked for
+  std::vector<std::string> remarks;    // differences between the dry run and the run to come
+  std::set<std::string> loop_sources;  // roles by whose measurements servo loops turned
 };
 
 /// Destroyed before the clock, the rig and the recorder that it borrows.

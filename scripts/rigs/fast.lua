@@ -9,6 +9,7 @@ return {
   title = "Simulated OctoMag with a fast pose sensor",
 
   model = { coil_delay = 0, coil_bandwidth = 50 * Hz },
+  coils = { transfer_interval = 0 }, -- no USB's: eleven frames of 1 ms an update would hold 90 Hz
   pose_sensor = { frame_rate = 200 * Hz, latency = 8 * ms, noise = 0.1 * 5 * um },
   truth = { coil_bandwidth = 50 * Hz, coil_delay = 0 },
 

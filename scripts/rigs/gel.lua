@@ -13,5 +13,5 @@ return {
   coils = { driver = "usb3103", address = "emulated", amperes_per_volt = 2, current_limit = 12 * units.A },
   pose_sensor = { driver = "simulated", frame_rate = 15 * Hz, latency = 80 * ms, noise = 0.3 * 14.3 * um },
   sample = { driver = "simulated", placement_scatter = 0.3 * mm },
-  truth = { gel = { name = "porcine_vitreous_removed" } },
+  truth = { coil_delay = 40 * ms, gel = { name = "porcine_vitreous_removed" } }, -- delay: see simulated.lua
 }

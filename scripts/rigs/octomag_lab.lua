@@ -120,4 +120,8 @@ return {
   -- dead_man = { 2 } the interlock itself lets no current flow unless pedal 2 is held: released or unplugged means zero.
   joystick = { driver = "spacemouse", address = "hid:256f:c635" },
   pedal = { driver = "foot_pedal", address = "hid:05f3:0268", layout = "xkeys_xk3" },
+
+  -- Of what stands for the amplifiers in a dry run and under `vitreo emulate`: with the USB's frames, on which the set point
+  -- gets there, the 50 ms that the model believes.
+  truth = { coil_delay = 40 * ms },
 }

@@ -12,7 +12,7 @@ return {
     eye_in_world = { 0, 0, -5 * mm }, -- the retina's vertex
     robot = "coni_2mm",
     field = "octomag", -- dipoles; calibration = "FILE.yaml" in its place: what ETH's software measured
-    coil_delay = 50 * ms,
+    coil_delay = 50 * ms, -- from the loop's set point to the first change of current: link and amplifiers
     coil_bandwidth = 15 * Hz,
     medium = { name = "silicone oil", density = 970, kinematic_viscosity = 500 * cSt },
   },
@@ -58,7 +58,7 @@ return {
 
   truth = { -- how far the simulated machine is from the model; the draws come from the run's seed
     coil_bandwidth = 15 * Hz,
-    coil_delay = 50 * ms,
+    coil_delay = 40 * ms, -- of the amplifiers alone: a set point's ten frames on the USB are the rest of the 50 ms
     current_noise = 10 * mA,
     -- calibration = "FILE.yaml", -- a measured machine in the plant's place, as ETH's software writes it
     coil_gain_sigma = 0.03, -- with a calibration: leave these three away

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <deque>
 #include <exception>
@@ -311,6 +312,7 @@ class Bops final : public CoilAmplifier {
     return measured;
   }
   void make_safe() override {
+    ++orders_;
     const Dialogue::Turn turn(supplies_.front()->dialogue());
     zero_all(true);
   }
@@ -334,6 +336,7 @@ class Bops final : public CoilAmplifier {
   Clock& clock_;
   std::vector<std::unique_ptr<Supply>> supplies_;
   std::vector<double> currents_;  // A, as last set
+  std::uint64_t orders_ = 0;      // calls of make_safe(), which break off a ramp
 };
 
 /// Each supply is opened whatever became of the others: its zero comes first, and must not depend
@@ -419,6 +422,7 @@ void Bops::step(const std::vector<double>& currents) {
 /// bounds the voltage L dI/dt of the coils.
 void Bops::set_currents(std::span<const double> currents) {
   check(currents);
+  const std::uint64_t order = orders_;
   const Dialogue::Turn turn(supplies_.front()->dialogue());
   const std::vector<double> from = currents_;
   double largest = 0;
@@ -427,6 +431,10 @@ void Bops::set_currents(std::span<const double> currents) {
   const int steps = std::max(
       1, static_cast<int>(std::ceil(largest / (settings_.max_slope * settings_.step_time))));
   for (int k = 1; k <= steps; ++k) {
+    // Another task wants zero: it waits for no more than the set point that is on its way.
+    if (order != orders_)
+      throw DeviceError(DeviceErrorKind::refused, settings_.name,
+                        "were made safe while a set point was on its way");
     const Time begun = clock_.now();
     std::vector<double> wanted(currents.begin(), currents.end());
     // The last step takes the wanted currents themselves, without the rounding of an interpolation.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <exception>
 #include <stdexcept>
@@ -77,9 +78,18 @@ class Usb3103 final : public CoilAmplifier {
     throw DeviceError(kind, settings_.name, what);
   }
 
+  /// Throws DeviceError{refused} where make_safe() was called since the set point `order` began.
+  void check_order(std::uint64_t order) const {
+    if (order != orders_)
+      fail(DeviceErrorKind::refused, "was made safe while a set point was on its way");
+  }
+
   std::unique_ptr<HidLink> link_;
   const Settings settings_;
   Clock& clock_;
+  std::uint64_t orders_ = 0;  // calls of make_safe(), which overtake a set point
+  bool asked_ = false;        // an answer is waited for: another question would take it
+  Signal answered_;
   std::array<Calibration, kChannels> calibration_{};
   std::array<double, kChannels> currents_{};  // A
   bool enabled_ = false;
@@ -131,8 +141,18 @@ std::optional<Report> Usb3103::read(Time timeout) {
 }
 
 /// Answers carry nothing of the question but its id, so answers to earlier questions are read and
-/// dropped first.
+/// dropped first, and another task's question waits until this one has its own.
 Report Usb3103::ask(const Command& command) {
+  clock_.wait(
+      answered_, [this] { return !asked_; }, kForever);
+  asked_ = true;
+  struct Answered {
+    Usb3103& device;
+    ~Answered() {
+      device.asked_ = false;
+      device.clock_.notify(device.answered_);
+    }
+  } const answered{*this};
   for (int i = 0; i < kForeignReports && read(Time::zero()); ++i) {
   }
   send(command);
@@ -211,12 +231,17 @@ void Usb3103::set_enabled(bool enabled) {
 }
 
 /// The eight values are latched one by one (update = 1) and take effect together at AOutSync. A
-/// failure in between leaves the old currents flowing.
+/// failure in between leaves the old currents flowing. On its frames this takes 11 ms, in which
+/// another task may make the device safe: what is latched then never comes out.
 void Usb3103::set_currents(std::span<const double> currents) {
   check(currents);
+  const std::uint64_t order = orders_;
   if (!enabled_) set_enabled(true);  // at zero, before the step
-  for (int channel = 0; channel < kChannels; ++channel)
+  for (int channel = 0; channel < kChannels; ++channel) {
+    check_order(order);
     send(AnalogOut{static_cast<std::uint8_t>(channel), counts(channel, currents[channel]), true});
+  }
+  check_order(order);
   std::copy(currents.begin(), currents.end(), currents_.begin());  // from here on they may be out
   send(AnalogOutSync{});
   // Writes are not answered, and outputs cannot be read back: that it still answers is all that can
@@ -228,6 +253,7 @@ void Usb3103::set_currents(std::span<const double> currents) {
 /// that did not. A stop is thrown only when all is done, for the link throws it after the report
 /// has left.
 void Usb3103::make_safe() {
+  ++orders_;
   std::exception_ptr stopped;
   std::exception_ptr failure;
   std::array<bool, kChannels> zeroed{};

@@ -13,7 +13,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <variant>
 
@@ -253,6 +255,13 @@ void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras&
   if (rehearsal.bring_robot) rehearsal.bring_robot();
 }
 
+/// The roles by whose measurements the loop would turn in the run itself.
+std::set<std::string> sources_of(Feedback feedback) {
+  if (feedback == Feedback::pose_sensor) return {"pose_sensor"};
+  if (feedback == Feedback::two_cameras) return {"top_camera", "side_camera"};
+  return {"top_camera"};
+}
+
 }  // namespace
 
 // Cameras, settings, view: each may throw, and only then the loop is started. A calibrated view is
@@ -269,10 +278,13 @@ int open_servo(Call& call) {
     settings.view = {view.settings.image.pixel / session.rig.model.top_image.pixel, view.offset};
   }
   lua_pop(call.L, 1);
+  const std::set<std::string> sources = sources_of(settings.feedback);
   if (session.rehearsal != nullptr && session.rig.pose_sensor != nullptr)
     rehearse(*session.rehearsal, settings, eyes);
   auto servo = std::make_shared<Servo>(session.clock, session.rig, session.recorder,
                                        std::move(eyes), settings);
+  if (session.rehearsal != nullptr)
+    session.rehearsal->loop_sources.insert(sources.begin(), sources.end());
   // The session's end closes what the script left open.
   call.context().closers.push_back([servo] { servo->close(); });
   push_handle(call.L, servo_class(), servo);

@@ -1,7 +1,9 @@
 // Real cameras, videos and image sequences as a rig file describes them.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/genicam/driver.h"
+#include "devices/instruments/genicam/timing.h"
 #include "devices/instruments/iidc/driver.h"
+#include "devices/instruments/iidc/timing.h"
 #include "devices/instruments/image_sequence/driver.h"
 #include "devices/instruments/opencv_camera/driver.h"
 #include "host/rig/drivers/drivers.h"
@@ -44,6 +46,10 @@ Opener<Camera> read_genicam(const InstrumentReader& instrument) {
       reader.integer("socket_buffer", settings.socket_buffer, 1 << 12, 1 << 28);
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
   check_settings(instrument, settings);
+  const double link_rate = reader.number("link_rate", 1e9, {1e6, 1e12, ""});  // bit/s
+  instrument.links.loads.push_back({instrument.role, "an image",
+                                    genicam::image_time(settings, link_rate), true,
+                                    settings.frame_rate});
   return reopened<Camera>(instrument.role, [settings](const RigContext& where) {
     return genicam::open(settings, where.clock);
   });
@@ -64,6 +70,8 @@ Opener<Camera> read_iidc(const InstrumentReader& instrument) {
   settings.fast_bus = reader.flag("fast_bus", settings.fast_bus);
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
   check_settings(instrument, settings);
+  instrument.links.loads.push_back(
+      {instrument.role, "an image", iidc::image_time(settings), true, settings.frame_rate});
   return reopened<Camera>(instrument.role, [settings](const RigContext& where) {
     return iidc::open(settings, where.clock);
   });
@@ -80,6 +88,7 @@ Opener<Camera> read_image_sequence(const InstrumentReader& instrument) {
   settings.frame_rate = reader.number("frame_rate", settings.frame_rate, {0.01, 1e4, "Hz"});
   const std::string timing = reader.choice("timing", "camera", {"camera", "every_frame"});
   settings.every_frame = timing == "every_frame";
+  instrument.links.loads.push_back({instrument.role, "an image", {}, true, settings.frame_rate});
   settings.repeat = reader.choice("at_the_end", "stop", {"stop", "repeat"}) == "repeat";
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
   check_settings(instrument, settings);
@@ -98,6 +107,8 @@ Opener<Camera> read_opencv_camera(const InstrumentReader& instrument) {
   settings.frame_rate = reader.number("frame_rate", 0, {0, 1e4, "Hz"});
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
   check_settings(instrument, settings);
+  // Which format and bus the system's camera sends its images by is not known here.
+  instrument.links.loads.push_back({instrument.role, "an image", {}, true, settings.frame_rate});
   const auto open = [settings](const RigContext& where) {
     return opencv_camera::open(settings, where.clock);
   };

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/kepco_bop/driver.h"
 #include "devices/instruments/kepco_bop/emulator.h"
+#include "devices/instruments/kepco_bop/timing.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/serial.h"
 #include "host/rig/drivers/traced.h"
@@ -66,14 +67,45 @@ std::vector<std::unique_ptr<ByteLink>> links_of(const std::vector<SerialPlace>& 
                                                 const RigContext& where) {
   std::vector<std::unique_ptr<ByteLink>> links;
   for (std::size_t i = 0; i < places.size(); ++i) {
-    auto link = emulated != nullptr ? memory_byte_link(*emulated->supplies[i], where.clock, {},
-                                                       link_faults(where, "coils"))
-                                    : open_or_broken(places[i], where.clock);
+    auto link = emulated != nullptr
+                    ? memory_byte_link(*emulated->supplies[i], where.clock, places[i].in_memory(),
+                                       link_faults(where, "coils"))
+                    : open_or_broken(places[i], where.clock);
     links.push_back(traced(where, "coils",
                            "channel " + std::to_string(i + 1) + ", " + places[i].address,
                            std::move(link)));
   }
   return links;
+}
+
+/// One address a channel, between commas; "emulated" means all eight of them.
+std::vector<SerialPlace> read_places(const InstrumentReader& instrument) {
+  std::vector<SerialPlace> places;
+  std::istringstream addresses(instrument.address);
+  for (std::string address; std::getline(addresses, address, ',');) {
+    const std::size_t begin = address.find_first_not_of(' ');
+    address = begin == std::string::npos ? "" : address.substr(begin);
+    places.push_back(read_serial_place(
+        {instrument.reader, instrument.role, address, instrument.laboratory, instrument.links},
+        {.xon_xoff = true}));
+    if (places.back().emulated() && !instrument.emulated())
+      instrument.reader.fail("address", "must be \"emulated\" as a whole, or not at all");
+  }
+  if (instrument.emulated()) places.resize(8, places.front());
+  return places;
+}
+
+/// The slowest of the channels counts: they are driven side by side.
+void add_loads(const InstrumentReader& instrument, const kepco_bop::Settings& settings,
+               const std::vector<SerialPlace>& places) {
+  LinkTime update;
+  for (const SerialPlace& place : places)
+    if (const LinkTime one = kepco_bop::update_time(settings, place.baud_rate());
+        update.arithmetic.empty() || one.seconds > update.seconds)
+      update = one;
+  instrument.links.loads.push_back({instrument.role, "a set point", update, true, 0});
+  if (const std::string slow = kepco_bop::slow_ramp(settings, update); !slow.empty())
+    instrument.links.warnings.push_back(instrument.role + ": " + slow);
 }
 
 }  // namespace
@@ -88,23 +120,14 @@ Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument) {
   settings.current_limit = reader.number("current_limit", settings.current_limit, {0.1, 20, "A"});
   settings.voltage_limit = reader.number("voltage_limit", settings.voltage_limit, {0.1, 200, "V"});
   settings.max_slope = reader.number("max_slope", settings.max_slope, {0.1, 1e5, "A/s"});
+  settings.step_time = reader.number("step_time", settings.step_time, {1e-3, 1, "s"});
   settings.reply_timeout = reader.number("reply_timeout", settings.reply_timeout, {0.02, 5, "s"});
   settings.settling_time = reader.number("settling_time", settings.settling_time, {0.01, 10, "s"});
   settings.read_back_tolerance =
       reader.number("read_back_tolerance", settings.read_back_tolerance, {1e-3, 5, "A"});
   check_settings(instrument, settings);
-  // One address a channel, between commas; "emulated" means all eight of them.
-  std::vector<SerialPlace> places;
-  std::istringstream addresses(instrument.address);
-  for (std::string address; std::getline(addresses, address, ',');) {
-    const std::size_t begin = address.find_first_not_of(' ');
-    address = begin == std::string::npos ? "" : address.substr(begin);
-    places.push_back(read_serial_place({reader, instrument.role, address, instrument.laboratory},
-                                       {.xon_xoff = true}));
-    if (places.back().emulated() && !instrument.emulated())
-      reader.fail("address", "must be \"emulated\" as a whole, or not at all");
-  }
-  if (instrument.emulated()) places.resize(8, places.front());
+  const std::vector<SerialPlace> places = read_places(instrument);
+  add_loads(instrument, settings, places);
   return [settings, places](const RigContext& where) {
     Opened<CoilAmplifier> opened;
     std::shared_ptr<EmulatedSupplies> emulated;
@@ -113,7 +136,7 @@ Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument) {
     opened.far_end = emulated;
     if (where.offer) {
       for (std::size_t i = 0; i < places.size(); ++i)
-        where.offer(places[i].address, places[i].serial.baud_rate,
+        where.offer(places[i].address, places[i].baud_rate(),
                     {emulated, emulated->supplies[i].get()});
       return opened;
     }

@@ -4,10 +4,12 @@
 #include "devices/instruments/led_lamp/driver.h"
 #include "devices/instruments/usb3103/driver.h"
 #include "devices/instruments/usb3103/emulator.h"
+#include "devices/instruments/usb3103/timing.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/reopened.h"
 #include "host/rig/drivers/serial.h"
 #include "host/rig/drivers/traced.h"
+#include "host/rig/drivers/usb.h"
 
 namespace vitreo {
 
@@ -25,6 +27,9 @@ Opener<Lamp> read_led_lamp(const InstrumentReader& instrument) {
   lamp.output = reader.integer("output", lamp.output, 0, usb3103::kChannels - 1);
   lamp.full_current = reader.number("full_current", lamp.full_current, {1e-3, 10, "A"});
   outputs.current_limit = lamp.full_current;
+  const double interval = read_transfer_interval(instrument);
+  instrument.links.loads.push_back(
+      {instrument.role, "a level", usb3103::update_time(interval), false, 0});
   check_settings(instrument, outputs);
   const auto open = [outputs, lamp](std::unique_ptr<HidLink> link, Clock& clock) {
     return led_lamp::open(usb3103::open(std::move(link), outputs, clock), lamp);
@@ -36,7 +41,7 @@ Opener<Lamp> read_led_lamp(const InstrumentReader& instrument) {
           traced(where, "lamp", to_string("hid", address), open_hid_link(address, where.clock)),
           where.clock);
     });
-  return [open, outputs, lamp](const RigContext& where) {
+  return [open, outputs, lamp, frame = from_seconds(interval)](const RigContext& where) {
     // The light in the simulated eye is what the output puts out.
     std::shared_ptr<usb3103::Emulator> unit = usb3103::make_emulator(
         {}, [laboratory = where.laboratory, outputs, lamp](const usb3103::Voltages& volts) {
@@ -46,7 +51,7 @@ Opener<Lamp> read_led_lamp(const InstrumentReader& instrument) {
         });
     // This rig has its light from the lamp alone, which is dark at first.
     if (where.laboratory != nullptr) where.laboratory->set_light(0);
-    auto link = traced(where, "lamp", "emulated", memory_hid_link(*unit, where.clock, Time(0)));
+    auto link = traced(where, "lamp", "emulated", memory_hid_link(*unit, where.clock, frame));
     return Opened<Lamp>{unit, open(std::move(link), where.clock)};
   };
 }

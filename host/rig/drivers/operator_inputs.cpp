@@ -4,6 +4,7 @@
 #include "devices/instruments/foot_pedal/emulator.h"
 #include "devices/instruments/spacemouse/driver.h"
 #include "devices/instruments/spacemouse/emulator.h"
+#include "devices/links/usb_frames.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/reopened.h"
 #include "host/rig/drivers/traced.h"
@@ -27,7 +28,7 @@ class Pushed final : public OperatorInput {
  public:
   Pushed(const spacemouse::Settings& settings, const RigContext& where, const Push& push)
       : mouse_(spacemouse::open(traced(where, settings.name, "emulated",
-                                       memory_hid_link(emulator_, where.clock, Time(0))),
+                                       memory_hid_link(emulator_, where.clock, kUsbFrame)),
                                 settings, where.clock)) {
     // The task's name decides its turn among tasks that are due at the same time.
     if (push.lasting > 0)
@@ -112,7 +113,7 @@ Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
       // Never pressed.
       auto released = std::make_shared<foot_pedal::Emulator>(settings.layout);
       auto link = traced(where, settings.name, "emulated",
-                         memory_hid_link(*released, where.clock, Time(0)));
+                         memory_hid_link(*released, where.clock, kUsbFrame));
       return Opened<OperatorInput>{released, foot_pedal::open(std::move(link), settings)};
     };
   const auto open = [settings,

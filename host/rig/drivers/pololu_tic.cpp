@@ -1,10 +1,12 @@
 // The Pololu Tic as a rig file describes it.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/pololu_tic/driver.h"
+#include "devices/instruments/pololu_tic/timing.h"
 #include "devices/sim/faulty_links.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/reopened.h"
 #include "host/rig/drivers/traced.h"
+#include "host/rig/drivers/usb.h"
 
 namespace vitreo {
 namespace {
@@ -49,7 +51,9 @@ pololu_tic::Settings read_settings(const InstrumentReader& instrument) {
 
 Opener<LensMover> read_pololu_tic(const InstrumentReader& instrument) {
   const pololu_tic::Settings settings = read_settings(instrument);
-  const Time latency = from_seconds(instrument.reader.number("link_latency", 0, {0, 0.05, "s"}));
+  const double interval = read_transfer_interval(instrument);
+  instrument.links.loads.push_back(
+      {instrument.role, "a move", pololu_tic::move_time(interval), false, 0});
   if (!instrument.emulated())
     return reopened<LensMover>(
         instrument.role,
@@ -61,13 +65,14 @@ Opener<LensMover> read_pololu_tic(const InstrumentReader& instrument) {
   // The laboratory must know how far a step moves the lens: the motor's steps alone are on the
   // wire.
   instrument.laboratory.lens = settings;
-  return reopened<LensMover>(instrument.role, [settings, latency](const RigContext& where) {
-    auto link =
-        sim::faulty_usb_link(memory_usb_link(where.laboratory->lens_motor(), where.clock, latency),
-                             where.laboratory->faults().links["lens_mover"], where.clock);
-    return pololu_tic::open(traced(where, settings.name, "emulated", std::move(link)), settings,
-                            where.clock);
-  });
+  return reopened<LensMover>(
+      instrument.role, [settings, frame = from_seconds(interval)](const RigContext& where) {
+        auto link = sim::faulty_usb_link(
+            memory_usb_link(where.laboratory->lens_motor(), where.clock, frame),
+            where.laboratory->faults().links["lens_mover"], where.clock);
+        return pololu_tic::open(traced(where, settings.name, "emulated", std::move(link)), settings,
+                                where.clock);
+      });
 }
 
 }  // namespace vitreo

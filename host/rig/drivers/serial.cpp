@@ -8,9 +8,13 @@ SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSe
   const std::string bus = parse_address(instrument.address).bus;
   if (bus != "serial" && bus != "tcp" && bus != "emulated")
     instrument.reader.fail("address", "must be \"serial:PATH\", \"tcp:HOST:PORT\" or \"emulated\"");
-  if (bus != "tcp")
-    place.serial.baud_rate =
-        instrument.reader.integer("baud_rate", usual.baud_rate, 300, 4'000'000);
+  place.ideal = bus == "tcp";
+  if (place.ideal) return place;
+  const int baud_rate = instrument.reader.integer("baud_rate", usual.baud_rate, 0, 4'000'000);
+  place.ideal = baud_rate == 0 && place.emulated();
+  if (!place.ideal && baud_rate < 300)
+    instrument.reader.fail("baud_rate", "must be 300 or more (0: emulated, bytes take no time)");
+  if (!place.ideal) place.serial.baud_rate = baud_rate;
   if (bus == "serial") {
     place.serial.data_bits = instrument.reader.integer("data_bits", usual.data_bits, 7, 8);
     const std::string parity = instrument.reader.choice("parity",

@@ -4,6 +4,7 @@
 
 #include "devices/links/address.h"
 #include "devices/links/byte_link.h"
+#include "devices/links/serial_line.h"
 #include "host/rig/drivers/traced.h"
 #include "host/rig/registry.h"
 
@@ -18,8 +19,14 @@ namespace vitreo {
 struct SerialPlace {
   std::string address;
   SerialSettings serial;
-  bool ideal = false;  // emulated, and the bytes take no time
+  bool ideal = false;  // its bytes take no time: TCP, or emulated without a baud rate
   bool emulated() const { return address == "emulated"; }
+  /// As the drivers' arithmetic wants it: 0 where the bytes take no time.
+  int baud_rate() const { return ideal ? 0 : serial.baud_rate; }
+  /// Of a link in memory.
+  MemoryLinkSettings in_memory() const {
+    return {Time::zero(), ideal ? Time::zero() : character_time(serial.baud_rate)};
+  }
 };
 
 /// Takes the std::invalid_argument of settings.check() for an error of the rig file.
@@ -33,7 +40,8 @@ void check_settings(const InstrumentReader& instrument, const Settings& settings
   }
 }
 
-/// Reads `baud_rate`, `data_bits` and `parity` (only of "serial:" addresses) and refuses an address that carries no bytes.
+/// Reads `baud_rate` (not of "tcp:" addresses; 0 of an emulated one: its bytes take no time),
+/// `data_bits` and `parity` (of "serial:" ones), and refuses an address that carries no bytes.
 /// `usual` holds what the instrument's manual says.
 SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSettings& usual);
 
@@ -47,15 +55,13 @@ template <class Role, class Open>
 Opened<Role> open_on(const SerialPlace& place, const std::shared_ptr<BytePeer>& emulator,
                      const RigContext& where, const std::string& role, const Open& open) {
   if (where.offer) {
-    where.offer(place.address, place.serial.baud_rate, emulator);
+    where.offer(place.address, place.baud_rate(), emulator);
     return {emulator, nullptr};
   }
   if (!place.emulated())
     return {nullptr, open(traced(where, role, place.address,
                                  open_byte_link(place.address, place.serial, where.clock)))};
-  const Time per_byte = place.ideal ? Time::zero() : from_seconds(10.0 / place.serial.baud_rate);
-  auto link =
-      memory_byte_link(*emulator, where.clock, {Time::zero(), per_byte}, link_faults(where, role));
+  auto link = memory_byte_link(*emulator, where.clock, place.in_memory(), link_faults(where, role));
   // In this order: the driver's end still talks to the emulator.
   Opened<Role> opened;
   opened.far_end = emulator;

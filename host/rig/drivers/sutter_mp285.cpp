@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/sutter_mp285/driver.h"
 #include "devices/instruments/sutter_mp285/emulator.h"
+#include "devices/instruments/sutter_mp285/timing.h"
 #include "host/rig/drivers/carried.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/serial.h"
@@ -33,6 +34,8 @@ Opener<Stage> read_sutter_mp285(const InstrumentReader& instrument) {
   SerialSettings usual;
   usual.rts_cts = reader.flag("rts_cts", false);
   const SerialPlace place = read_serial_place(instrument, usual);
+  instrument.links.loads.push_back(
+      {instrument.role, "a move", sutter_mp285::move_time(place.baud_rate()), false, 0});
   const std::string load = read_load(instrument, "nothing");
   check_settings(instrument, settings);
   return [settings, place, load](const RigContext& where) {

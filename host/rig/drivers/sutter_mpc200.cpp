@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/sutter_mpc200/driver.h"
 #include "devices/instruments/sutter_mpc200/emulator.h"
+#include "devices/instruments/sutter_mpc200/timing.h"
 #include "host/rig/drivers/carried.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/serial.h"
@@ -46,6 +47,8 @@ Opener<Stage> read_sutter_mpc200(const InstrumentReader& instrument) {
   settings.max_speed = reader.number("max_speed", settings.max_speed, speed);
   settings.speed = reader.number("speed", std::min(settings.speed, settings.max_speed), speed);
   const SerialPlace place = read_serial_place(instrument, {.baud_rate = 128000});
+  instrument.links.loads.push_back(
+      {instrument.role, "a move", sutter_mpc200::move_time(place.baud_rate()), false, 0});
   const std::string load = read_load(instrument, "nothing");
   check_settings(instrument, settings);
   return [settings, place, load](const RigContext& where) {

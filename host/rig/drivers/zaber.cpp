@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/zaber/driver.h"
 #include "devices/instruments/zaber/emulator.h"
+#include "devices/instruments/zaber/timing.h"
 #include "host/rig/drivers/carried.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/serial.h"
@@ -92,6 +93,8 @@ Opener<Stage> read_zaber(const InstrumentReader& instrument) {
     instrument.reader.fail("driver", "wants at least one of the tables x, y and z");
   check_settings(instrument, settings);
   const SerialPlace place = read_serial_place(instrument, kSerial);
+  instrument.links.loads.push_back(
+      {instrument.role, "a move", zaber::move_time(place.baud_rate()), false, 0});
   const std::string load = read_load(instrument, "nothing");
   return [settings, place, load](const RigContext& where) {
     const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings, 50e-3);
@@ -118,6 +121,8 @@ Opener<RotationStage> read_zaber_rotary(const InstrumentReader& instrument) {
   settings.axes = {read_axis(instrument.reader, usual, kRotary)};
   check_settings(instrument, settings);
   const SerialPlace place = read_serial_place(instrument, kSerial);
+  instrument.links.loads.push_back(
+      {instrument.role, "a move", zaber::move_time(place.baud_rate()), false, 0});
   return [settings, place](const RigContext& where) {
     const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings, kTurn);
     if ((place.emulated() || where.offer) && where.laboratory != nullptr)

@@ -153,6 +153,7 @@ TEST_F(Mpc200, AMotionBelowAMicrometreIsNotAnsweredSoItIsNotSent) {
 TEST_F(Mpc200, SaysNothingDuringAMotion) {
   const auto stage = open_stage();
   stage->start(Place{12e-3, 10e-3, 10e-3}, 1.1e-3);  // goes at 0.95 mm/s, the next one below
+  clock->sleep_for(20ms);                            // until the command's 13 bytes have arrived
   const std::size_t said = listener.heard.size();
   for (int i = 0; i < 50; ++i) {
     clock->sleep_for(20ms);
@@ -210,6 +211,7 @@ TEST_F(Mpc200, SilentWhileMovingIsNoticedAtTheMovesDeadline) {
   EXPECT_EQ(kind_of([&] { stage->wait(100s); }, "should have ended"), DeviceErrorKind::timeout);
   EXPECT_LT(to_seconds(clock->now() - before),
             1.5 * 2e-3 / speed_of(11) + 1 + 0.2);  // the bound of the driver
+  clock->sleep_for(2ms);                           // of the interrupt on the line
   EXPECT_EQ(listener.heard.back(), '\x03');
 }
 

@@ -337,6 +337,7 @@ TEST_F(Zaber, TellsASilentStageToStop) {
   stage->start(Place{20e-3}, 2e-3);
   faults.silent = true;
   EXPECT_EQ(kind_of([&] { stage->wait(20s); }), DeviceErrorKind::timeout);
+  clock->sleep_for(30ms);  // of the command on the line, about 20 bytes
   EXPECT_FALSE(emulator->moving(0, 0, clock->now() + 10ms));
 }
 

@@ -55,12 +55,45 @@ TEST_F(MemoryByteLink, TakesTheTimeOfTheWireAndOfTheBaudRate) {
   EchoPeer peer(3ms);
   const auto link = link_to(peer, {2ms, 1ms});
   link->write(bytes("abc"), 1s);
-  EXPECT_EQ(clock->now(), 5ms);
+  EXPECT_EQ(clock->now(), 0ms) << "as a port of the system's: the writer goes on at once";
   EXPECT_EQ(link->read(100, 1s), bytes("a"));
-  EXPECT_EQ(clock->now(), 5ms + 3ms + 2ms + 1ms);
+  EXPECT_EQ(clock->now(), (1ms + 2ms) + 3ms + (1ms + 2ms)) << "there, its answer, and back";
   clock->sleep_for(10ms);
   EXPECT_EQ(link->read(1, 1s), bytes("b"));  // at most what was asked for
   EXPECT_EQ(link->read(100, 1s), bytes("c"));
+}
+
+// Full duplex: "b" goes out while the answer to "a" comes in, and neither waits.
+TEST_F(MemoryByteLink, EachByteArrivesAtItsOwnTimeBothWaysAtOnce) {
+  EchoPeer peer;
+  const auto link = link_to(peer, {0s, 1ms});
+  link->write(bytes("ab"), 1s);
+  clock->sleep_until(1500us);
+  EXPECT_EQ(peer.heard, bytes("a"));
+  EXPECT_EQ(link->read(2, 1s), bytes("a"));
+  EXPECT_EQ(clock->now(), 2ms);
+  EXPECT_EQ(link->read(2, 1s), bytes("b"));
+  EXPECT_EQ(clock->now(), 3ms);
+}
+
+// No call of the driver is needed for it, and another link's bytes go on meanwhile.
+TEST_F(MemoryByteLink, DeliversWhileTheWriterDoesSomethingElse) {
+  EchoPeer first, second;
+  const auto one = link_to(first, {0s, 1ms}), other = link_to(second, {0s, 1ms});
+  one->write(bytes("abc"), 1s);
+  other->write(bytes("abc"), 1s);
+  clock->sleep_until(3ms + 1us);
+  EXPECT_EQ(first.heard, bytes("abc"));
+  EXPECT_EQ(second.heard, bytes("abc"));
+}
+
+TEST_F(MemoryByteLink, SendsWhatItWasGivenBeforeItIsClosed) {
+  EchoPeer peer;
+  auto link = link_to(peer, {0s, 1ms});
+  link->write(bytes("off"), 1s);
+  link.reset();
+  EXPECT_EQ(peer.heard, bytes("off"));
+  EXPECT_EQ(clock->now(), 3ms);
 }
 
 TEST_F(MemoryByteLink, ReturnsNothingAtTheDeadline) {
@@ -73,10 +106,11 @@ TEST_F(MemoryByteLink, ReturnsNothingAtTheDeadline) {
   EXPECT_EQ(clock->now(), 3s);
 }
 
+// Of 5000 bytes a buffer of 4096 takes the first at once, and one more with each that has left.
 TEST_F(MemoryByteLink, GivesUpWritingWhereTheWireIsTooSlow) {
   EchoPeer peer;
   const auto link = link_to(peer, {0s, 1ms});
-  EXPECT_EQ(kind_of([&] { link->write(ByteString(100), 50ms); }), DeviceErrorKind::timeout);
+  EXPECT_EQ(kind_of([&] { link->write(ByteString(5000), 50ms); }), DeviceErrorKind::timeout);
   EXPECT_EQ(clock->now(), 50ms);
 }
 
@@ -98,6 +132,7 @@ TEST_F(MemoryByteLink, DeliversWhatATaskThatIsStoppedWasWriting) {
   clock->sleep_for(5ms);
   writer->request_stop();
   writer->join();
+  clock->sleep_for(10ms);
   EXPECT_EQ(peer.heard, bytes("stop"));
 }
 

@@ -138,6 +138,7 @@ TEST_F(DialogueTest, StaysLostUntilItIsReopened) {
   EXPECT_TRUE(peer.heard.empty());
   dialogue.reopen();
   dialogue.send("c");
+  clock->sleep_for(10ms);  // of a byte on the line
   EXPECT_EQ(peer.heard, bytes("c"));
 }
 

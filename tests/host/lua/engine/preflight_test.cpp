@@ -151,6 +151,75 @@ TEST_F(PreflightTest, PosesStandInForImagesOnTheTwinOfALaboratory) {
       << "poses would do without, the run would not";
 }
 
+// Supplies on eight ports, or on the network, in the place of octomag_lab's USB-3103.
+struct LoopPreflightTest : PreflightTest {
+  PreflightReport check_bops(int frame_rate, const std::string& port, const std::string& more) {
+    std::string address;
+    for (char i = '0'; i < '8'; ++i) address += (i == '0' ? "" : ", ") + port + i;
+    request.where.rig_file = write(
+        "bops.lua",
+        "return { base = 'octomag_lab', top_camera = { frame_rate = " + std::to_string(frame_rate) +
+            " * require('units').Hz },\ncoils = { driver = 'kepco_bop', address = '" + address +
+            "', " + more + " } }");
+    return check(
+        "local background = rig:learn_background { frames = 3 }\n"
+        "rig.sample:insert_robot { 0, 0, 0 }\n"
+        "local servo <close> = rig:servo { background = background }\nservo:hold({ 0, 0, 0 })\n"
+        "servo:wait_until_tracked()\nrun:wait(1*s)");
+  }
+};
+
+TEST_F(LoopPreflightTest, RefusesALoopThatTheCoilsLinkCannotHoldAndNamesTheLink) {
+  for (const int rate : {15, 30}) {
+    const PreflightReport report = check_bops(rate, "serial:/dev/ttyS", "baud_rate = 9600");
+    EXPECT_FALSE(report.passed());
+    ASSERT_FALSE(report.problems.empty());
+    const std::string& first = report.problems.front();
+    EXPECT_EQ(first.find("coils: their link cannot hold a servo loop of " + std::to_string(rate)),
+              0U)
+        << all(report.problems);
+    EXPECT_NE(first.find("9600 baud"), std::string::npos) << first;
+    EXPECT_EQ(report.loop.limit, "coils");
+    EXPECT_NE(all(report.warnings).find("not at max_slope"), std::string::npos)
+        << all(report.warnings);
+  }
+}
+
+TEST_F(LoopPreflightTest, LetsTheSameLoopPassAt115200BaudAndOnTheNetwork) {
+  for (const int rate : {15, 30}) {
+    const PreflightReport serial = check_bops(rate, "serial:/dev/ttyS", "baud_rate = 115200");
+    EXPECT_TRUE(serial.passed()) << all(serial.problems);
+    EXPECT_TRUE(serial.simulated);
+    EXPECT_EQ(serial.loop.asked, rate);
+    EXPECT_EQ(all(serial.warnings).find("not at max_slope"), std::string::npos)
+        << all(serial.warnings);
+    const PreflightReport network = check_bops(rate, "tcp:10.0.0.1:502", "");
+    EXPECT_TRUE(network.passed()) << all(network.problems);
+    EXPECT_TRUE(network.simulated);
+  }
+}
+
+TEST_F(LoopPreflightTest, ASlowLinkWithoutALoopIsNoReason) {
+  request.where.rig_file =
+      write("slow.lua",
+            "return { base = 'simulated', coils = { driver = 'kepco_bop', baud_rate = 9600 } }");
+  const PreflightReport report = check("rig.coils:set_currents { 2, 0, 0, 0, 0, 0, 0, 0 }");
+  EXPECT_TRUE(report.passed()) << all(report.problems);
+  EXPECT_NE(to_text(report).find("servo loop: the links hold 14"), std::string::npos)
+      << to_text(report);
+}
+
+TEST_F(LoopPreflightTest, APoseSensorOf200HzIsBeyondAUsb3103) {
+  const std::string body = "local servo <close> = rig:servo { feedback = 'pose_sensor' }";
+  request.where.rig_file =
+      write("fast.lua", "return { base = 'fast', coils = { transfer_interval = false } }");
+  EXPECT_NE(all(check(body).problems).find("coils: their link cannot hold a servo loop of 200 Hz"),
+            std::string::npos);
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/fast.lua";
+  const PreflightReport ideal = check(body);
+  EXPECT_TRUE(ideal.passed()) << all(ideal.problems);
+}
+
 TEST_F(PreflightTest, AnOperatorsEyeIsRehearsedByPosesTooAndLetsGoAsItWill) {
   request.where.rig_file = kLaboratory;
   const PreflightReport report = check(
