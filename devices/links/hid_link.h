@@ -38,6 +38,8 @@ class HidPeer {
   /// is destroyed.
   using Send = std::function<void(std::vector<std::uint8_t>)>;
   virtual void connect(const Send& /*send*/) {}
+  /// Switched off and on: what it does not keep is as after power-up.
+  virtual void power_cycle() {}
 };
 
 /// A link in memory. Each report takes `latency` on its way, either way, spent on the clock by the

@@ -17,11 +17,13 @@ std::unique_ptr<UsbTestbed> make_usb_testbed() {
 
 #else
 
+#include "devices/testbed/fair_mutex.h"
 #include "devices/testbed/pty_node.h"
 #include "devices/testbed/usb_descriptors.h"
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstring>
 #include <deque>
 #include <errno.h>
@@ -59,7 +61,7 @@ gboolean done(UMockdevIoctlClient* client, long result, int error = 0) {
 /// lock.
 class Plugged {
  public:
-  Plugged(std::mutex& mutex, std::string node, std::string sysfs)
+  Plugged(FairMutex& mutex, std::string node, std::string sysfs)
       : mutex_(mutex),
         node_(std::move(node)),
         sysfs_(std::move(sysfs)),
@@ -98,6 +100,8 @@ class Plugged {
     umockdev_testbed_detach_ioctl(testbed, node_.c_str(), nullptr);
   }
   virtual void set_fault(UsbFault fault) { fault_ = fault; }
+  virtual void set_latency(Time) {}
+  virtual void serve() {}
   void set_exclusive() { exclusive_ = true; }
   // The node's link leads to it, for clients that poll; no data of the device goes through it.
   const PtyNode& pty() const { return pty_; }
@@ -110,7 +114,7 @@ class Plugged {
   virtual void forget() {}
   virtual gboolean write(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
 
-  std::mutex& mutex_;
+  FairMutex& mutex_;
   const std::string node_;
   const std::string sysfs_;
   PtyNode pty_;  // for poll()
@@ -169,9 +173,16 @@ class Plugged {
 /// (linux/usbdevice_fs.h).
 class PluggedUsb final : public Plugged {
  public:
-  PluggedUsb(std::mutex& mutex, const std::string& node, const std::string& sysfs, UsbPeer& peer)
+  PluggedUsb(FairMutex& mutex, const std::string& node, const std::string& sysfs, UsbPeer& peer)
       : Plugged(mutex, node, sysfs), peer_(peer) {
     pty_.block_output();  // libusb takes a writable node for a URB that can be reaped
+  }
+  void set_latency(Time latency) override { latency_ = latency; }
+  void serve() override {
+    while (!late_.empty() && late_.front().due <= Steady::now()) {
+      finish(std::move(late_.front().urb));
+      late_.pop_front();
+    }
   }
 
  private:
@@ -212,7 +223,10 @@ class PluggedUsb final : public Plugged {
       pending_.push_back(std::move(urb_data));
     else {
       transfer(*urb, buffer->data);
-      finish(std::move(urb_data));
+      if (latency_ == Time::zero() && late_.empty())
+        finish(std::move(urb_data));
+      else
+        late_.push_back({Steady::now() + latency_, std::move(urb_data)});
     }
     return done(client, 0);
   }
@@ -265,18 +279,34 @@ class PluggedUsb final : public Plugged {
   gboolean discard(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
     unsigned long address = 0;
     std::memcpy(&address, arg->data, sizeof address);
-    const auto urb = std::find_if(pending_.begin(), pending_.end(), [address](const Data& one) {
-      return one->client_addr == address;
-    });
-    if (urb == pending_.end()) return done(client, -1, EINVAL);
-    reinterpret_cast<usbdevfs_urb*>((*urb)->data)->status = -ENOENT;
-    finish(std::move(*urb));
-    pending_.erase(urb);
+    const auto is_it = [address](const Data& one) { return one->client_addr == address; };
+    if (const auto urb = std::find_if(pending_.begin(), pending_.end(), is_it);
+        urb != pending_.end()) {
+      take_back(std::move(*urb));
+      pending_.erase(urb);
+      return done(client, 0);
+    }
+    const auto late =
+        std::find_if(late_.begin(), late_.end(), [&](const Late& one) { return is_it(one.urb); });
+    if (late == late_.end()) return done(client, -1, EINVAL);
+    take_back(std::move(late->urb));
+    late_.erase(late);
     return done(client, 0);
   }
+  void take_back(Data urb) {
+    reinterpret_cast<usbdevfs_urb*>(urb->data)->status = -ENOENT;
+    finish(std::move(urb));
+  }
 
+  using Steady = std::chrono::steady_clock;
+  struct Late {
+    Steady::time_point due;
+    Data urb;
+  };
   UsbPeer& peer_;
+  Time latency_{};
   std::deque<Data> pending_;
+  std::deque<Late> late_;
   std::deque<Data> finished_;
 };
 
@@ -284,7 +314,7 @@ class PluggedUsb final : public Plugged {
 /// be read.
 class PluggedHid final : public Plugged {
  public:
-  PluggedHid(std::mutex& mutex, const std::string& node, const std::string& sysfs, HidPeer& peer,
+  PluggedHid(FairMutex& mutex, const std::string& node, const std::string& sysfs, HidPeer& peer,
              Bytes descriptor)
       : Plugged(mutex, node, sysfs), peer_(peer), descriptor_(std::move(descriptor)) {
     peer_.connect([this](Bytes report) { put(std::move(report)); });
@@ -432,8 +462,23 @@ class Umockdev final : public UsbTestbed {
     plugged_.erase(found);
   }
   void add_node(const std::string& node, const std::string& target) override {
-    nodes_.push_back(std::make_unique<TerminalNode>(testbed_, node));
+    remove_node(node);
+    nodes_.emplace(node, std::make_unique<TerminalNode>(testbed_, node));
     link(node, target);
+  }
+  void remove_node(const std::string& node) override {
+    const auto found = nodes_.find(node);
+    if (found == nodes_.end()) return;
+    fs::remove(file_of(node));
+    nodes_.erase(found);
+  }
+  void set_latency(int plug, Time latency) override {
+    const std::lock_guard lock(mutex_);
+    plugged_.at(plug)->set_latency(latency);
+  }
+  void serve() override {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [number, device] : plugged_) device->serve();
   }
   void set_fault(int plug, UsbFault fault) override {
     const std::lock_guard lock(mutex_);
@@ -456,20 +501,24 @@ class Umockdev final : public UsbTestbed {
     link(node, device->pty().path());
     plugged_.emplace(number, std::move(device));
   }
-  /// In place of the regular file that umockdev makes of a node.
-  void link(const std::string& node, const std::string& target) {
+  fs::path file_of(const std::string& node) const {
     gchar* const root = umockdev_testbed_get_root_dir(testbed_);
     const fs::path path = std::string(root) + node;
     g_free(root);
+    return path;
+  }
+  /// In place of the regular file that umockdev makes of a node.
+  void link(const std::string& node, const std::string& target) {
+    const fs::path path = file_of(node);
     fs::create_directories(path.parent_path());
     fs::remove(path);
     fs::create_symlink(target, path);
   }
 
   UMockdevTestbed* const testbed_;
-  std::mutex mutex_;
+  FairMutex mutex_;
   std::map<int, std::unique_ptr<Plugged> > plugged_;
-  std::vector<std::unique_ptr<TerminalNode> > nodes_;
+  std::map<std::string, std::unique_ptr<TerminalNode> > nodes_;
   int next_ = 1;
 };
 

@@ -6,6 +6,7 @@
 
 #include "devices/links/hid_link.h"
 #include "devices/links/usb_link.h"
+#include "devices/time/clock.h"
 
 #include <functional>
 #include <memory>
@@ -36,7 +37,13 @@ class UsbTestbed {
   /// From now on the serial port `node` (below /dev) is the terminal `target`, such as a
   /// pseudo-terminal.
   virtual void add_node(const std::string& node, const std::string& target) = 0;
+  /// The port is gone, as of an unplugged adapter; nothing where it is not there.
+  virtual void remove_node(const std::string& node) = 0;
   virtual void set_fault(int plug, UsbFault fault) = 0;
+  /// The transfers of a USB device are completed so much later; those whose time has come by
+  /// serve(), which the owner then calls again and again.
+  virtual void set_latency(int plug, Time latency) = 0;
+  virtual void serve() = 0;
   /// A HID device that belongs to the process that opened it first, as long as that lives: others
   /// get EBUSY. hidraw is not like that by itself; a device that is claimed by libusb is.
   virtual void set_exclusive(int plug) = 0;

@@ -44,6 +44,11 @@ class EmulatedProbe final : public BytePeer {
     for (const Answer& answer : answers_) first = std::min(first, answer.measures);
     return first;
   }
+  void power_cycle(Time) override {
+    line_.clear();
+    complaint_.clear();
+    answers_.clear();
+  }
 
  private:
   /// Set commands have no answer; what is not known goes to the error queue.
@@ -56,8 +61,7 @@ class EmulatedProbe final : public BytePeer {
     } else if (line == "SYST:ERR?") {
       speak(complaint_.empty() ? "0,\"No error\"" : std::exchange(complaint_, {}), now);
     } else if (line == settings_.question) {
-      answers_.push_back(
-          {later(now, settings_.duration), later(now, settings_.duration / 2), {}});
+      answers_.push_back({later(now, settings_.duration), later(now, settings_.duration / 2), {}});
     } else {
       complaint_ = "-113,\"Undefined header\"";
     }
