@@ -50,6 +50,8 @@ class BytePeer {
   /// When it will send something next if it receives nothing before; kForever when never. In the
   /// past: bytes wait to be taken.
   virtual Time next() const = 0;
+  /// Switched off and on: what it does not keep is as after power-up.
+  virtual void power_cycle(Time /*now*/) {}
 };
 
 /// Faults of a link in memory; set them at any time.

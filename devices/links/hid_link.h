@@ -38,6 +38,8 @@ class HidPeer {
   /// is destroyed.
   using Send = std::function<void(std::vector<std::uint8_t>)>;
   virtual void connect(const Send& /*send*/) {}
+  /// Switched off and on: what it does not keep is as after power-up.
+  virtual void power_cycle() {}
 };
 
 /// A link in memory. Either way a report arrives with the next frame of `interval` (kUsbFrame;

@@ -47,6 +47,8 @@ class UsbPeer {
   virtual std::optional<std::vector<std::uint8_t>> control(const UsbSetup& setup,
                                                            std::span<const std::uint8_t> data,
                                                            std::uint16_t length) = 0;
+  /// Switched off and on: what it does not keep is as after power-up.
+  virtual void power_cycle() {}
 };
 
 /// A link in memory. A transfer is over with the next frame of `interval` (kUsbFrame; zero: at

@@ -9,6 +9,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <set>
 #include <string>
 
 namespace vitreo::sim {
@@ -48,6 +49,7 @@ struct Faults {
   /// By role: holds a stage where it is, or lets it go; the emulators that know how put theirs here
   /// when they are opened.
   std::map<std::string, std::function<void(bool held, Time now)>> sticks;
+  std::set<int> cut_off;  // channels from 1 whose amplifier gives no current
   // A: the largest current of the amplifiers
   double saturation = std::numeric_limits<double>::infinity();
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/faulty_links.h"
 
+#include "devices/links/faulty_peers.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
@@ -15,14 +16,6 @@ constexpr Time kLook = std::chrono::milliseconds(20);
 
 void check_cable(const LinkFaults& faults, const char* bus) {
   if (faults.unplugged) throw DeviceError(DeviceErrorKind::lost, bus, "is gone");
-}
-
-// Cuts a report short, or flips bits of one of its bytes.
-void spoil(const LinkFaults& faults, std::vector<std::uint8_t>& bytes) {
-  if (faults.keep >= 0 && bytes.size() > static_cast<std::size_t>(faults.keep))
-    bytes.resize(static_cast<std::size_t>(faults.keep));
-  if (faults.garble >= 0 && bytes.size() > static_cast<std::size_t>(faults.garble))
-    bytes[static_cast<std::size_t>(faults.garble)] ^= faults.flip;
 }
 
 // Reports in: late, cut, garbled or lost. A late report is held until it is due, and those after it

@@ -139,6 +139,7 @@ struct Laboratory::State {
               return probe_position ? probe_position(clock.now()) : Eigen::Vector3d(0, 0, 0);
             },
             the_clock, seed_for(the_seed, Purpose::probe)) {
+    set_points = control::Currents::Zero(given.world.field.coils());
     if (!given.fundus.empty()) fundus = Fundus::photograph(given.fundus, given.fundus_width);
   }
 
@@ -248,10 +249,14 @@ struct Laboratory::State {
     return renderer.render(bodies, number);
   }
 
-  /// What the amplifiers give: set-points clamped by the injected saturation.
+  /// What the amplifiers give: set-points clamped by the injected saturation, none where one is cut
+  /// off.
   void drive(Time now, control::Currents commands) {
+    set_points = commands;
     for (double& command : commands)
       command = std::clamp(command, -faults.saturation, faults.saturation);
+    for (int channel = 1; channel <= commands.size(); ++channel)
+      if (faults.cut_off.contains(channel)) commands[channel - 1] = 0;
     world.set_coil_commands(now, commands);
   }
 
@@ -265,6 +270,7 @@ struct Laboratory::State {
   std::uint64_t machine_seed = seed;  // of the machine, which redraw() changes
   Faults faults;
   double light = 1;
+  control::Currents set_points;  // A, of the amplifiers; as they were told
   std::function<double(Time)> sensor_position, sensor_angle;
   std::function<Eigen::Vector3d(Time)> probe_position;
   World world;
@@ -336,6 +342,8 @@ void Laboratory::apply_lens_faults() {
   state_->lens->set_jammed(state_->faults.lens.stuck);
   state_->lens->set_kill_switch(state_->faults.lens.limit);
 }
+
+void Laboratory::apply_coil_faults() { state_->drive(state_->clock.now(), state_->set_points); }
 
 void Laboratory::set_light(double level) {
   require(std::isfinite(level), "level: must be finite");
@@ -419,6 +427,11 @@ std::optional<Truth> Laboratory::truth(Time time) {
   World& world = state_->world;
   return Truth{robot->position + state_->settings.truth_shift, robot->axis, world.currents(time),
                world.coil_temperatures(time), !world.settings().field.valid_at(robot->position)};
+}
+
+CoilTruth Laboratory::coils(Time time) {
+  World& world = state_->world;
+  return {state_->set_points, world.currents(time), world.coil_temperatures(time)};
 }
 
 }  // namespace vitreo::sim

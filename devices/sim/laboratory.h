@@ -72,6 +72,13 @@ struct Truth {
   bool beyond_calibration = false;
 };
 
+/// The coils as they are, whether or not a robot is there.
+struct CoilTruth {
+  control::Currents set_points;    // A, what the amplifiers were last told
+  control::Currents currents;      // A, as they flow
+  control::Currents temperatures;  // K
+};
+
 class Laboratory {
  public:
   /// Everything random comes from `seed`. Throws std::invalid_argument naming a parameter.
@@ -98,6 +105,8 @@ class Laboratory {
   Faults& faults();
   /// After a change of faults().lens: its motor loses its steps, or its limit switch cuts it off.
   void apply_lens_faults();
+  /// After a change of faults().saturation or cut_off: the amplifiers give what they now can.
+  void apply_coil_faults();
   /// A, per coil, asked for by amplifiers that are not behind the USB-3103.
   void drive_coils(Time now, const std::vector<double>& currents);
   /// T, as it really is at `position` (m, world frame).
@@ -125,6 +134,8 @@ class Laboratory {
   cv::Mat side_image(Time exposed, std::uint64_t number);
   /// Nothing while no robot is in the eye. `time` may lie up to a second back.
   std::optional<Truth> truth(Time time);
+  /// At `time`, or now where that is past.
+  CoilTruth coils(Time time);
 
  private:
   struct State;

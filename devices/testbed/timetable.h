@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/testbed/fair_mutex.h"
 #include "devices/time/clock.h"
 #include "devices/time/quiet_thread.h"
 
@@ -18,7 +19,7 @@ namespace vitreo {
 class Timetable {
  public:
   /// `mutex` outlives it.
-  explicit Timetable(std::mutex& mutex) : mutex_(mutex) {
+  explicit Timetable(FairMutex& mutex) : mutex_(mutex) {
     thread_ = quiet_thread([this] { run(); });
   }
   ~Timetable() {
@@ -32,7 +33,7 @@ class Timetable {
   Timetable(const Timetable&) = delete;
   Timetable& operator=(const Timetable&) = delete;
 
-  std::mutex& mutex() const { return mutex_; }
+  FairMutex& mutex() const { return mutex_; }
   /// The machine's steady time.
   Time now() const {
     return std::chrono::duration_cast<Time>(std::chrono::steady_clock::now().time_since_epoch());
@@ -66,8 +67,8 @@ class Timetable {
     }
   }
 
-  std::mutex& mutex_;
-  std::condition_variable changed_;
+  FairMutex& mutex_;
+  std::condition_variable_any changed_;
   std::multimap<Time, Call> calls_;
   bool ended_ = false;
   std::thread thread_;

@@ -17,6 +17,7 @@ std::unique_ptr<UsbTestbed> make_usb_testbed() {
 
 #else
 
+#include "devices/testbed/fair_mutex.h"
 #include "devices/testbed/pty_node.h"
 #include "devices/testbed/timetable.h"
 #include "devices/testbed/usb_descriptors.h"
@@ -100,6 +101,7 @@ class Plugged {
     umockdev_testbed_detach_ioctl(testbed, node_.c_str(), nullptr);
   }
   virtual void set_fault(UsbFault fault) { fault_ = fault; }
+  void set_latency(Time latency) { latency_ = latency; }
   // The node's link leads to it, for clients that poll; no data of the device goes through it.
   const PtyNode& pty() const { return pty_; }
 
@@ -114,7 +116,7 @@ class Plugged {
   /// `work` with the next frame of an endpoint, at once where its transfers take no time.
   void with_frame(UsbFrames& endpoint, const std::function<void()>& work) {
     const Time now = timetable_.now();
-    const Time due = endpoint.next(now);
+    const Time due = later(endpoint.next(now), latency_);
     if (due <= now)
       work();
     else
@@ -122,7 +124,8 @@ class Plugged {
   }
 
   Timetable& timetable_;
-  std::mutex& mutex_;
+  FairMutex& mutex_;
+  Time latency_{};  // beyond the frame
   const std::string node_;
   const std::string sysfs_;
   PtyNode pty_;  // for poll()
@@ -465,8 +468,19 @@ class Umockdev final : public UsbTestbed {
     plugged_.erase(found);
   }
   void add_node(const std::string& node, const std::string& target) override {
-    nodes_.push_back(std::make_unique<TerminalNode>(testbed_, node));
+    remove_node(node);
+    nodes_.emplace(node, std::make_unique<TerminalNode>(testbed_, node));
     link(node, target);
+  }
+  void remove_node(const std::string& node) override {
+    const auto found = nodes_.find(node);
+    if (found == nodes_.end()) return;
+    fs::remove(file_of(node));
+    nodes_.erase(found);
+  }
+  void set_latency(int plug, Time latency) override {
+    const std::lock_guard lock(mutex_);
+    plugged_.at(plug)->set_latency(latency);
   }
   void set_fault(int plug, UsbFault fault) override {
     const std::lock_guard lock(mutex_);
@@ -485,21 +499,25 @@ class Umockdev final : public UsbTestbed {
     link(node, device->pty().path());
     plugged_.emplace(number, std::move(device));
   }
-  /// In place of the regular file that umockdev makes of a node.
-  void link(const std::string& node, const std::string& target) {
+  fs::path file_of(const std::string& node) const {
     gchar* const root = umockdev_testbed_get_root_dir(testbed_);
     const fs::path path = std::string(root) + node;
     g_free(root);
+    return path;
+  }
+  /// In place of the regular file that umockdev makes of a node.
+  void link(const std::string& node, const std::string& target) {
+    const fs::path path = file_of(node);
     fs::create_directories(path.parent_path());
     fs::remove(path);
     fs::create_symlink(target, path);
   }
 
   UMockdevTestbed* const testbed_;
-  std::mutex mutex_;
+  FairMutex mutex_;
   Timetable timetable_{mutex_};
   std::map<int, std::unique_ptr<Plugged> > plugged_;
-  std::vector<std::unique_ptr<TerminalNode> > nodes_;
+  std::map<std::string, std::unique_ptr<TerminalNode> > nodes_;
   int next_ = 1;
 };
 

@@ -7,6 +7,7 @@
 #include "devices/links/hid_link.h"
 #include "devices/links/usb_frames.h"
 #include "devices/links/usb_link.h"
+#include "devices/time/clock.h"
 
 #include <functional>
 #include <memory>
@@ -41,7 +42,11 @@ class UsbTestbed {
   /// From now on the serial port `node` (below /dev) is the terminal `target`, such as a
   /// pseudo-terminal.
   virtual void add_node(const std::string& node, const std::string& target) = 0;
+  /// The port is gone, as of an unplugged adapter; nothing where it is not there.
+  virtual void remove_node(const std::string& node) = 0;
   virtual void set_fault(int plug, UsbFault fault) = 0;
+  /// The transfers of a USB device are completed so much later than their frames.
+  virtual void set_latency(int plug, Time latency) = 0;
   /// Emulators are called from a thread of the testbed: everything else that touches them does so
   /// in `work`.
   virtual void with_emulators(const std::function<void()>& work) = 0;

@@ -8,6 +8,8 @@
 #include "host/rig/emulate.h"
 #include "host/rig/instruments.h"
 #include "host/rig/plugged_in.h"
+#include "host/rig/testbed_process.h"
+#include "host/rig/truth_file.h"
 #include "host/view/technician.h"
 
 #include <fmt/format.h>
@@ -24,6 +26,8 @@ struct DeviceWords {
   std::vector<std::string> command;
   bool json = false;
   std::uint64_t seed = 1;
+  std::string truth;
+  std::vector<std::string> faults;
 };
 
 // The contract suite of the role (devices/contract) against the instrument as it is connected. It
@@ -54,18 +58,29 @@ int ask_what_is_there(const DeviceWords& wanted) {
   return static_cast<int>(result.found.empty() ? ExitCode::device_missing : ExitCode::completed);
 }
 
+/// Null where none is wanted.
+std::unique_ptr<TruthFile> truth_of(Emulation& emulation, const DeviceWords& wanted) {
+  if (wanted.truth.empty()) return nullptr;
+  return std::make_unique<TruthFile>(wanted.truth, emulation);
+}
+
 /// The emulated laboratory, for a command, whose runs find a technician there, or until Ctrl-C.
 int emulate(const RigDescription& rig, const DeviceWords& wanted) {
   if (wanted.command.empty()) {
     const EndingSignals ending;
-    const Emulation emulation(rig, {.seed = wanted.seed});
+    Emulation emulation(rig, {.seed = wanted.seed, .faults = wanted.faults});
+    const auto truth = truth_of(emulation, wanted);
     fmt::print(stderr, "press Ctrl-C to end\n");
     ending.wait();
+    if (truth) truth->finish();
     return 0;
   }
-  Emulation emulation(rig, {.seed = wanted.seed, .in_place = true});
+  Emulation emulation(rig, {.seed = wanted.seed, .in_place = true, .faults = wanted.faults});
+  const auto truth = truth_of(emulation, wanted);
   const Technician technician([&emulation](const nlohmann::json& task) { emulation.handle(task); });
-  return run_among(wanted.command);
+  const int exit_code = run_among(wanted.command);
+  if (truth) truth->finish();
+  return exit_code;
 }
 
 // Without a rig the buses are listed, and no port is asked anything: a question could move
@@ -117,8 +132,17 @@ void add_devices(CommandLine& line, Program& program) {
       "emulate", "offer a rig's emulated instruments, or run a command among them", emulation);
   emulated.option("rig", wanted->rig, "a rig's file or name").required();
   emulated.option("--seed", wanted->seed, "of the machine and its noise, as a run's (default: 1)");
+  emulated
+      .option("--fault", wanted->faults,
+              "breaks an instrument: ROLE:KIND:after=3s,lasting=1s,by=80ms, counted from the "
+              "command's first\nword to an instrument; `vitreo faults --emulated` lists the kinds")
+      .one_word_each();
+  emulated.option("--truth", wanted->truth,
+                  "a new CSV file: where the robot really is and what flows, every 20 ms");
   emulated.option("command", wanted->command, "after --: the command and its arguments");
-  emulated.examples({"vitreo emulate octomag_lab -- vitreo devices"});
+  emulated.examples({"vitreo emulate octomag_lab -- vitreo devices",
+                     "vitreo emulate octomag_lab --truth truth.csv -- vitreo run servo_square "
+                     "--rig octomag_lab"});
 }
 
 }  // namespace vitreo::cli

@@ -1,18 +1,17 @@
-// `vitreo faults`: list of the faults that a simulated rig can be given.
+// `vitreo faults`: list of the faults that a simulated rig, or an emulated one, can be given.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/session/faults.h"
-
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/rig/emulated_faults.h"
 
 #include <fmt/format.h>
 
 namespace vitreo::cli {
 namespace {
 
-int list_faults(bool json) {
+int list_faults(bool emulated, bool json) {
   nlohmann::json rows = nlohmann::json::array();
-  for (const FaultKind& kind : fault_kinds()) {
+  for (const FaultKind& kind : emulated ? emulated_faults() : fault_kinds()) {
     // "n" is the table's word for a count, which has no unit for people or in the JSON.
     const bool plain = kind.unit == "n";
     rows.push_back({{"kind", kind.name}, {"doc", kind.doc}, {"roles", kind.roles}});
@@ -33,11 +32,14 @@ int list_faults(bool json) {
 
 void add_faults(CommandLine& line, Program&) {
   const auto json = std::make_shared<bool>(false);
+  const auto emulated = std::make_shared<bool>(false);
   Command command =
       line.command("faults", "what can be made to go wrong on a simulated rig: run --fault",
-                   [json] { return list_faults(*json); });
+                   [emulated, json] { return list_faults(*emulated, *json); });
+  command.flag("--emulated", *emulated,
+               "of emulated instruments, by the part that breaks: emulate --fault");
   command.flag("--json", *json, "as JSON, SI units");
-  command.examples({"vitreo faults"});
+  command.examples({"vitreo faults", "vitreo faults --emulated"});
 }
 
 }  // namespace vitreo::cli

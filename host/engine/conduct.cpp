@@ -5,10 +5,14 @@
 #include "host/engine/interrupts.h"
 #include "host/engine/watchdog.h"
 #include "host/files/log.h"
+#include "host/files/run_folder.h"
 #include "host/record/disk_alarm.h"
 #include "host/servo/observers.h"
 #include "host/text/terminal_text.h"
 
+#include <fmt/format.h>
+
+#include <chrono>
 #include <iostream>
 #include <unistd.h>
 
@@ -58,6 +62,18 @@ class RecordingGuard {
   Recorder& recorder_;
 };
 
+/// Where the zero of a real run's clock lies, for data of others that are to be laid beside it. A
+/// simulated run's times are no wall clock's.
+void note_clock(const RunStage& stage) {
+  if (stage.rig->laboratory() != nullptr) return;
+  const Time now = stage.clock->now();
+  const Time monotonic = std::chrono::steady_clock::now().time_since_epoch() - now;
+  stage.recorder->event(
+      now, "clock",
+      fmt::format("0 s is {}, and {:.6f} s of the monotonic clock",
+                  utc_text(std::chrono::system_clock::now() - now), to_seconds(monotonic)));
+}
+
 /// Act one: the session with all that is attached to it. It dies in reverse order, the faces before
 /// the session.
 class RunSession {
@@ -85,6 +101,7 @@ class RunSession {
     });
     // A face reports its own failure in the record and does not throw (host/session/face.h).
     for (Face* face : request.how.faces) faces_.begin(*face, session_);
+    note_clock(stage);
     session_.faults = &faults_;
     for (const Fault& fault : stage.faults) faults_.add(fault);
     if (request.how.companion) request.how.companion(session_);

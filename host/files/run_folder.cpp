@@ -2,6 +2,7 @@
 #include "host/files/run_folder.h"
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <ctime>
 #include <fstream>
@@ -25,6 +26,18 @@ std::string local_time(const char* format) {
 }  // namespace
 
 std::string wall_time_text() { return local_time("%Y-%m-%dT%H:%M:%S%z"); }
+
+std::string utc_text(std::chrono::system_clock::time_point moment) {
+  const auto whole = std::chrono::floor<std::chrono::seconds>(moment);
+  const std::time_t seconds = std::chrono::system_clock::to_time_t(whole);
+  std::tm parts{};
+  gmtime_r(&seconds, &parts);
+  char text[64];
+  const std::size_t size = std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%S", &parts);
+  const auto rest = std::chrono::duration_cast<std::chrono::microseconds>(moment - whole);
+  std::snprintf(text + size, sizeof text - size, ".%06dZ", static_cast<int>(rest.count()));
+  return text;
+}
 
 // Not from the run's seed: two runs of one seed that begin in the same second need other names.
 std::string random_hex(int digits) {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
@@ -25,6 +26,8 @@ std::string slug(std::string_view text, const std::string& fallback);
 
 /// The wall clock here: "2026-11-21T14:30:00+0100".
 std::string wall_time_text();
+/// A moment of it as UTC: "2026-11-21T13:30:00.123456Z".
+std::string utc_text(std::chrono::system_clock::time_point moment);
 
 /// `digits` hexadecimal digits from the system's entropy: for names only, never for the science.
 std::string random_hex(int digits);

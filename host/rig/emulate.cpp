@@ -2,33 +2,25 @@
 #include "host/rig/emulate.h"
 
 #include "devices/instruments/foot_pedal/emulator.h"
-#include "devices/instruments/genicam/camera_server.h"
 #include "devices/instruments/spacemouse/emulator.h"
 #include "devices/links/peer_end.h"
 #include "devices/links/serial_line.h"
 #include "devices/links/usb_frames.h"
-#include "devices/testbed/usb_testbed.h"
 #include "devices/time/error.h"
 #include "devices/time/quiet_thread.h"
 #include "host/config/config.h"
+#include "host/rig/emulated_faults.h"
+#include "host/rig/emulated_world.h"
 #include "host/rig/rig_settings.h"
 
 #include <fmt/format.h>
-#include <opencv2/imgproc.hpp>
 
+#include <algorithm>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
-#include <condition_variable>
 #include <cstring>
-#include <filesystem>
 #include <iostream>
-#include <mutex>
-#include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
 #include <thread>
-#include <unistd.h>
 
 namespace vitreo {
 namespace {
@@ -42,27 +34,6 @@ constexpr const char* kLocal = "tcp:127.0.0.1:";
 
 bool begins(const std::string& text, const std::string& with) { return text.rfind(with, 0) == 0; }
 
-/// A mutex that is given to those who wait for it in the order in which they came.
-class Turns {
- public:
-  void lock() {
-    std::unique_lock lock(mutex_);
-    const std::uint64_t mine = next_++;
-    changed_.wait(lock, [&] { return serving_ == mine; });
-  }
-  void unlock() {
-    const std::lock_guard lock(mutex_);
-    ++serving_;
-    changed_.notify_all();
-  }
-
- private:
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::uint64_t next_ = 0;
-  std::uint64_t serving_ = 0;
-};
-
 /// The address of a camera on the loopback, "" for any other.
 std::string loopback_camera(const std::string& address) {
   return begins(address, "genicam:127.") ? address.substr(std::strlen("genicam:")) : "";
@@ -75,22 +46,28 @@ class Emulation::State {
  public:
   State(const RigDescription& description, const EmulationSettings& given)
       : in_place_(given.in_place),
+        breaks_(!given.faults.empty()),
         reader_(description),
         settings_(read_rig_settings(reader_)),
-        laboratory_(settings_.laboratory, *clock_, given.seed) {
+        world_(settings_.laboratory, given.seed) {
     for (const auto& [role, value] : description.table)
       if (const auto* const table = std::get_if<ConfigTable>(&value.value))
         offer(role, text_of(*table, "driver"), text_of(*table, "address"));
+    add_what_moves();
+    if (breaks_) {
+      if (!in_place_) throw ConfigError("a fault is for a command: -- COMMAND");
+      faults_.emplace(given.faults, parts_);
+    }
     transfers_ = quiet_thread([this] { transfer(); });
     exchanges_ = quiet_thread([this] { exchange(); });
   }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
   ~State() {
+    faults_.reset();
     ended_ = true;
     transfers_.join();
     exchanges_.join();
-    cameras_.clear();
   }
 
   void handle(const nlohmann::json& task) {
@@ -100,8 +77,8 @@ class Emulation::State {
       if (numbers.size() != 3) throw std::invalid_argument("position: wants three numbers");
       return Eigen::Vector3d(numbers[0], numbers[1], numbers[2]);
     };
-    with_world([&] {
-      SampleHandler& sample = laboratory_.sample();
+    world_.with([&] {
+      SampleHandler& sample = world_.laboratory().sample();
       if (what == "insert_robot")
         sample.insert_robot(position());
       else if (what == "remove_robot")
@@ -117,9 +94,11 @@ class Emulation::State {
     });
   }
 
-  std::optional<sim::Truth> truth() {
-    std::optional<sim::Truth> found;
-    with_world([&] { found = laboratory_.truth(clock_->now()); });
+  EmulatedTruth truth(Time monotonic) {
+    EmulatedTruth found;
+    const Time time = monotonic - clock_begin_;
+    sim::Laboratory& laboratory = world_.laboratory();
+    world_.with([&] { found = {laboratory.truth(time), laboratory.coils(time)}; });
     return found;
   }
 
@@ -169,32 +148,68 @@ class Emulation::State {
   /// The driver's own opener is asked, with `where.offer` set: it knows its emulator and opens no
   /// instrument. The lambda borrows `role`; it is called before this returns.
   void offer_bytes(const std::string& role, const std::string& driver) {
-    RigContext where{*clock_, &laboratory_, places_};
+    RigContext where{world_.clock(), &world_.laboratory(), places_};
+    const std::size_t before = parts_.size();
     where.offer = [this, &role](const std::string& address, int baud_rate,
                                 std::shared_ptr<BytePeer> peer) {
-      const bool tcp = begins(address, "tcp:");
-      if (tcp && in_place_ && !begins(address, kLocal))
-        return say(role, address + " is not emulated here: only 127.0.0.1 is");
-      const int port =
-          tcp && begins(address, kLocal) ? std::stoi(address.substr(std::strlen(kLocal))) : 0;
-      // A pseudo-terminal knows no baud rate: the line's time is kept at its far end.
-      const Time per_byte = baud_rate > 0 ? character_time(baud_rate) : Time::zero();
-      End end{tcp ? open_tcp_end(port) : open_pty_end(per_byte), std::move(peer)};
-      std::string shown = end.wire->address();
-      if (!tcp && in_place_) {
-        // The pseudo-terminal appears under the name of the rig file's port.
-        testbed().add_node(address.substr(address.find(':') + 1),
-                           shown.substr(shown.find(':') + 1));
-        shown = address + " (" + shown + ")";
-      }
-      if (baud_rate > 0) shown += fmt::format(", {} baud", baud_rate);
-      say(role, shown);
-      ends_.push_back(std::move(end));
+      offer_line(role, address, baud_rate, std::move(peer));
     };
     if (role == "stage") settings_.stage(where);
     if (role == "rotation_stage") settings_.rotation_stage(where);
     if (role == "field_probe" && driver != "simulated") settings_.field_probe(where);
     if (role == "coils" && driver == "kepco_bop") settings_.coils(where);
+    if (parts_.size() - before < 2) return;
+    for (std::size_t i = before; i < parts_.size(); ++i)
+      parts_[i].channel = static_cast<int>(i - before) + 1;
+  }
+
+  void offer_line(const std::string& role, const std::string& address, int baud_rate,
+                  std::shared_ptr<BytePeer> peer) {
+    const bool tcp = begins(address, "tcp:");
+    if (tcp && in_place_ && !begins(address, kLocal))
+      return say(role, address + " is not emulated here: only 127.0.0.1 is");
+    // A pseudo-terminal knows no baud rate: the line's time is kept at its far end.
+    const Time per_byte = baud_rate > 0 ? character_time(baud_rate) : Time::zero();
+    const Plug plug = tcp ? connection(address) : port(address, per_byte);
+    std::unique_ptr<PeerEnd> wire = plug.open();
+    std::string shown = wire->address();
+    if (!tcp && in_place_) shown = address + " (" + shown + ")";
+    if (baud_rate > 0) shown += fmt::format(", {} baud", baud_rate);
+    say(role, shown);
+    add(role, make_line(world_, std::move(wire), plug, std::move(peer)));
+  }
+
+  static Plug connection(const std::string& address) {
+    const int number = begins(address, kLocal) ? std::stoi(address.substr(std::strlen(kLocal))) : 0;
+    return {[number] { return open_tcp_end(number); }, [] {}};
+  }
+  /// In place the pseudo-terminal appears under the name of the rig file's port.
+  Plug port(const std::string& address, Time per_byte) {
+    if (!in_place_) return {[per_byte] { return open_pty_end(per_byte); }, [] {}};
+    const std::string node = address.substr(address.find(':') + 1);
+    return {[this, node, per_byte] {
+              auto wire = open_pty_end(per_byte);
+              const std::string& target = wire->address();
+              world_.testbed().add_node(node, target.substr(target.find(':') + 1));
+              return wire;
+            },
+            [this, node] { world_.testbed().remove_node(node); }};
+  }
+
+  void add(const std::string& role, std::unique_ptr<EmulatedPart> part) {
+    parts_.push_back({role, 0, std::move(part)});
+  }
+
+  /// Motors and amplifiers, which no driver speaks to.
+  void add_what_moves() {
+    for (const char* const role : {"stage", "rotation_stage"})
+      if (world_.laboratory().faults().sticks.contains(role)) add(role, make_motor(world_, role));
+    const auto stands = [this](const char* role) {
+      return std::any_of(parts_.begin(), parts_.end(),
+                         [role](const RolePart& one) { return one.role == role; });
+    };
+    if (stands("lens_mover")) add("lens_mover", make_motor(world_, "lens_mover"));
+    if (stands("coils")) add("coils", make_amplifiers(world_));
   }
 
   /// To the standard output, where a program may read the addresses; beside a command to the error
@@ -202,12 +217,6 @@ class Emulation::State {
   void say(const std::string& role, const std::string& what) const {
     std::ostream& out = in_place_ ? std::cerr : std::cout;
     out << role << ": " << what << std::endl;
-  }
-
-  // Only when something is plugged in: a rig without USB needs no umockdev.
-  UsbTestbed& testbed() {
-    if (!testbed_) testbed_ = make_usb_testbed();
-    return *testbed_;
   }
 
   // 0x01, 0x08 of the SpaceMouse: the HID usage "multi-axis controller" on the page of generic
@@ -222,34 +231,33 @@ class Emulation::State {
         address.vendor, address.product,      0x0100, address.serial.empty() ? "1" : address.serial,
         "Vitreo",       "emulated " + driver, ""};
     if (driver == "usb3103")
-      testbed().plug(laboratory_.coil_outputs(), identity, kVendorUsage, 1, frame);
+      add(role, make_hid(world_, world_.laboratory().coil_outputs(), identity, {}, frame));
     else if (driver == "led")
-      plug_lamp(identity, frame);
+      add(role, make_hid(world_, lamp(), identity, {}, frame));
     else if (driver == "pololu_tic")
-      testbed().plug(laboratory_.lens_motor(), frame);
+      add(role, make_usb(world_, world_.laboratory().lens_motor(), frame));
     else if (driver == "spacemouse")
-      testbed().plug(mouse_, identity, 0x01, 0x08);
+      add(role, make_hid(world_, mouse_, identity, {0x01, 0x08}, frame));
     else if (driver == "foot_pedal")
-      testbed().plug(pedal_, identity);
+      add(role, make_hid(world_, pedal_, identity, {}, frame));
     else
       throw ConfigError(role + ": there is no emulator for the driver '" + driver + "' on USB");
   }
 
   /// The light in the simulated eye is what the output puts out, as in host/rig/drivers/led_lamp.
-  void plug_lamp(const UsbIdentity& identity, Time frame) {
+  usb3103::Emulator& lamp() {
     const nlohmann::json& lamp = reader_.resolved().at("lamp");
     const auto output = lamp.at("output").get<std::size_t>();
     const double level_per_volt =
         lamp.at("amperes_per_volt").get<double>() / lamp.at("full_current").get<double>();
     lamp_ = usb3103::make_emulator({}, [this, output, level_per_volt](const auto& volts) {
-      laboratory_.set_light(volts[output] * level_per_volt);
+      world_.laboratory().set_light(volts[output] * level_per_volt);
     });
-    laboratory_.set_light(0);
-    testbed().plug(*lamp_, identity, kVendorUsage, 1, frame);
+    world_.laboratory().set_light(0);
+    return *lamp_;
   }
 
-  /// A GigE Vision camera that streams what the role sees of the simulated world. The server calls
-  /// `draw` in a thread of its own: nothing may be drawn there without with_world().
+  /// A GigE Vision camera that streams what the role sees of the simulated world.
   void serve(const std::string& role, const std::string& interface) {
     const bool top = role == "top_camera";
     const sim::CameraSettings& camera = top ? settings_.laboratory.top : settings_.laboratory.side;
@@ -258,30 +266,13 @@ class Emulation::State {
     settings.serial = top ? "VITREO01" : "VITREO02";
     settings.width_px = camera.size.width;
     settings.height_px = camera.size.height;
-    const auto view = [this, top](std::uint64_t number) {
-      const Time now = clock_->now();
-      return top ? laboratory_.top_image(now, number) : laboratory_.side_image(now, number);
-    };
-    const auto draw = [this, view](const genicam::Exposure& exposure, cv::Mat& image) {
-      cv::Mat seen;
-      with_world([&] { seen = view(exposure.number); });
-      cv::resize(seen, image, image.size());  // where the client asked for another size
+    const auto view = [this, top](Time exposed, std::uint64_t number) {
+      sim::Laboratory& laboratory = world_.laboratory();
+      return top ? laboratory.top_image(exposed, number) : laboratory.side_image(exposed, number);
     };
     // The first image takes long: a client would take that for silence.
-    view(0);
-    cameras_.push_back(genicam::serve_camera(settings, draw));
-  }
-
-  /// One thread at a time, in the order in which they come: the cameras', the testbed's, the
-  /// wires'. An unfair lock lets two cameras pass it to each other, and the wires fall silent. The
-  /// laboratory and the emulators know nothing of threads. This lock is taken before the testbed's,
-  /// and the testbed's own thread holds that one alone: no two wait for each other.
-  void with_world(const std::function<void()>& work) {
-    const std::lock_guard lock(turns_);
-    if (testbed_)
-      testbed_->with_emulators(work);
-    else
-      work();
+    world_.with([&] { view(world_.clock().now(), 0); });
+    add(role, make_camera(world_, settings, view));
   }
 
   // The wires' own thread. It never waits for the world, so that bytes keep their times while an
@@ -289,46 +280,39 @@ class Emulation::State {
   // event to wait for; while bytes are on their way the next of them is waited for.
   void transfer() {
     while (!ended_) {
-      Time due = later(clock_->now(), kPump);
-      for (End& end : ends_) {
-        end.wire->transfer(clock_->now());
-        due = std::min(due, end.wire->next());
-      }
-      std::this_thread::sleep_for(std::max(due - clock_->now(), kLeastPause));
+      const Clock& clock = world_.clock();
+      Time due = later(clock.now(), kPump);
+      for (RolePart& one : parts_) due = std::min(due, one.part->transfer(clock.now()));
+      std::this_thread::sleep_for(std::max(due - clock.now(), kLeastPause));
     }
   }
 
   /// The emulators' turns at the world.
   void exchange() {
     while (!ended_) {
-      if (!ends_.empty())
-        with_world([this] {
-          for (End& end : ends_) end.wire->exchange(*end.peer, clock_->now());
-        });
+      world_.with([this] {
+        for (RolePart& one : parts_) one.part->serve(world_.clock().now());
+      });
       std::this_thread::sleep_for(kPump);
     }
   }
 
-  struct End {
-    std::unique_ptr<PeerEnd> wire;
-    std::shared_ptr<BytePeer> peer;
-  };
-
-  // Members go from the last to the first: the testbed before the emulators that it borrows. Thread
-  // and camera have ended by then (see the destructor).
+  // Members go from the last to the first: parts before the emulators that they borrow, and before
+  // the world. Threads have ended by then (see the destructor).
   const bool in_place_;
-  std::unique_ptr<Clock> clock_ = wall_clock();
+  const bool breaks_;  // something
   ConfigReader reader_;
   RigSettings settings_;
-  sim::Laboratory laboratory_;
+  EmulatedWorld world_;
+  // The clock's zero on the machine's monotonic clock.
+  const Time clock_begin_ =
+      std::chrono::steady_clock::now().time_since_epoch() - world_.clock().now();
   std::shared_ptr<SimulatedPlaces> places_ = std::make_shared<SimulatedPlaces>();
   spacemouse::Emulator mouse_;
   foot_pedal::Emulator pedal_;
   std::unique_ptr<usb3103::Emulator> lamp_;
-  std::vector<End> ends_;
-  Turns turns_;
-  std::unique_ptr<UsbTestbed> testbed_;
-  std::vector<std::unique_ptr<genicam::CameraServer>> cameras_;
+  RoleParts parts_;
+  std::optional<EmulatedFaults> faults_;
   std::atomic<bool> ended_{false};
   std::thread transfers_;
   std::thread exchanges_;
@@ -338,78 +322,6 @@ Emulation::Emulation(const RigDescription& description, const EmulationSettings&
     : state_(std::make_unique<State>(description, settings)) {}
 Emulation::~Emulation() = default;
 void Emulation::handle(const nlohmann::json& task) { state_->handle(task); }
-std::optional<sim::Truth> Emulation::truth() { return state_->truth(); }
-
-// The exit code as a shell gives it.
-int run_among(const std::vector<std::string>& command) {
-  std::vector<char*> words;
-  for (const std::string& word : command) words.push_back(const_cast<char*>(word.c_str()));
-  words.push_back(nullptr);
-  pid_t child = 0;
-  if (const int error = posix_spawnp(&child, words[0], nullptr, nullptr, words.data(), environ);
-      error != 0)
-    throw ConfigError("the command " + command.front() + " cannot be run: " + std::strerror(error));
-  // The terminal's Ctrl-C reaches the command too: it decides, and the instruments outlive it.
-  struct sigaction ignore {
-  }, before{};
-  // Only after the start: an ignored signal stays ignored in a program that is started.
-  ignore.sa_handler = SIG_IGN;
-  sigaction(SIGINT, &ignore, &before);
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  sigaction(SIGINT, &before, nullptr);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-}
-
-struct EndingSignals::Sets {
-  sigset_t ending{}, before{};
-};
-
-// Made before any thread, which inherits the mask: the signal then waits for sigwait() and
-// interrupts no system call of the emulators.
-EndingSignals::EndingSignals() : sets_(std::make_unique<Sets>()) {
-  sigemptyset(&sets_->ending);
-  for (const int one : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&sets_->ending, one);
-  pthread_sigmask(SIG_BLOCK, &sets_->ending, &sets_->before);
-}
-EndingSignals::~EndingSignals() { pthread_sigmask(SIG_SETMASK, &sets_->before, nullptr); }
-void EndingSignals::wait() const {
-  int one = 0;
-  sigwait(&sets_->ending, &one);
-}
-
-namespace {
-
-/// The preloaded library of the testbed: beside the program in a build folder, or as installed; ""
-/// where it is not.
-std::string loopback_library(const std::filesystem::path& program) {
-  const std::filesystem::path name = "libvitreo_loopback.so";
-  for (const auto& folder : {program.parent_path(), program.parent_path() / "../lib/vitreo"})
-    if (std::filesystem::exists(folder / name)) return (folder / name).lexically_normal().string();
-  return "";
-}
-
-}  // namespace
-
-void restart_in_testbed(char** words) {
-  // A second start in the testbed would not help where the first did not.
-  if (std::getenv("VITREO_IN_TESTBED") != nullptr) return;
-  setenv("VITREO_IN_TESTBED", "1", 1);
-  std::error_code gone;
-  const std::string self = std::filesystem::read_symlink("/proc/self/exe", gone).string();
-  if (gone) return;
-  const char* const before = std::getenv("LD_PRELOAD");
-  const std::string library = loopback_library(self);
-  if (!library.empty())
-    setenv("LD_PRELOAD", (library + (before == nullptr ? "" : ":" + std::string(before))).c_str(),
-           1);
-  std::vector<char*> all{const_cast<char*>("umockdev-wrapper"), const_cast<char*>(self.c_str())};
-  for (char** word = words + 1; *word != nullptr; ++word) all.push_back(*word);
-  all.push_back(nullptr);
-  // It returns only where umockdev-wrapper is not installed: then the caller goes on, and says what
-  // is missing when it is needed.
-  execvp(all[0], all.data());
-}
+EmulatedTruth Emulation::truth(Time monotonic) { return state_->truth(monotonic); }
 
 }  // namespace vitreo

@@ -22,15 +22,23 @@ struct EmulationSettings {
   /// At the addresses that the rig file has, for a command that run_among() starts; else at new
   /// ones, that any program can open, which are listed on the standard output.
   bool in_place = false;
+  /// Of the emulated instruments, in words (host/rig/emulated_faults.h); only in place.
+  std::vector<std::string> faults{};
+};
+
+/// What is really so in the emulated laboratory.
+struct EmulatedTruth {
+  std::optional<sim::Truth> robot;  // nothing while none is there
+  sim::CoilTruth coils;
 };
 
 /// USB and HID devices, serial ports, TCP ports on 127.0.0.1, and GigE Vision cameras for
 /// genicam:127.x.y.z that stream the simulated eye; what is there is listed, "ROLE: ADDRESS" a
 /// line. All act on one simulated laboratory, in real time. USB, HID and serial nodes in place want
-/// umockdev-wrapper: see restart_in_testbed().
+/// umockdev-wrapper: see restart_in_testbed() (host/rig/testbed_process.h).
 class Emulation {
  public:
-  /// Throws ConfigError, DeviceError.
+  /// Throws ConfigError, DeviceError; ConfigError for a fault that is not known.
   Emulation(const RigDescription& description, const EmulationSettings& settings);
   ~Emulation();
   Emulation(const Emulation&) = delete;
@@ -39,35 +47,13 @@ class Emulation {
   /// Does to the sample what a question's task asks for (Question::task), as a person would. Any
   /// thread. Throws std::invalid_argument for a task that is not known.
   void handle(const nlohmann::json& task);
-  /// The robot as it really is; nothing while none is there. Any thread.
-  std::optional<sim::Truth> truth();
+  /// At a moment of the machine's monotonic clock (std::chrono::steady_clock), at most a second
+  /// back. Any thread.
+  EmulatedTruth truth(Time monotonic);
 
  private:
   class State;
   std::unique_ptr<State> state_;
 };
-
-/// Runs a command among the emulated instruments that stand in place; its exit code. Ctrl-C goes to
-/// the command. Throws ConfigError when it cannot be run.
-int run_among(const std::vector<std::string>& command);
-
-/// Serves until SIGINT, SIGTERM or SIGHUP; blocks them from its construction on, so that threads
-/// made later do not take them.
-class EndingSignals {
- public:
-  EndingSignals();
-  ~EndingSignals();
-  EndingSignals(const EndingSignals&) = delete;
-  EndingSignals& operator=(const EndingSignals&) = delete;
-  void wait() const;
-
- private:
-  struct Sets;
-  std::unique_ptr<Sets> sets_;
-};
-
-/// Starts this program again, with the same words, under umockdev-wrapper; returns only when that
-/// is not needed, or not to be had.
-void restart_in_testbed(char** words);
 
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 namespace vitreo {
 namespace {
 
-constexpr double kThousandth = 1e-3;
+constexpr double kPlantMilli = 1e-3;
 
 // C T' = I^2 R(T) - (T - T_ambient) / R_th with R = R_0 (1 + alpha (T - T_ambient)); the current is
 // at most the supply's voltage over R (docs/simulated_laboratory.md). Ohm, 1/K, J/K, K/W, K and V,
@@ -53,7 +53,7 @@ void read_field(ConfigReader& reader, sim::LaboratorySettings& laboratory,
   field.position = reader.number("coil_position_sigma", field.position, {0, 0.02, "m"});
   field.axis = reader.number("coil_axis_sigma", field.axis, {0, 0.5, "rad"});
   laboratory.world.field.set_uniform_background(
-      reader.vector3("background", {0, 0, 0}, {-10 * kThousandth, 10 * kThousandth, "T"}));
+      reader.vector3("background", {0, 0, 0}, {-10 * kPlantMilli, 10 * kPlantMilli, "T"}));
 }
 
 // A named gel with single values replaced; the yield strain is a strain, the moduli are in Pa, the
@@ -74,8 +74,8 @@ void read_gel(ConfigReader reader, std::optional<control::Gel>& gel) {
 // `tolerance` of drift.
 void read_tuning(ConfigReader reader, std::optional<sim::HandTuning>& tuning) {
   tuning.emplace();
-  tuning->tolerance = reader.number("tolerance", tuning->tolerance, {0, 10 * kThousandth, "m/s"});
-  tuning->field = reader.number("field", tuning->field, {1 * kThousandth, 0.1, "T"});
+  tuning->tolerance = reader.number("tolerance", tuning->tolerance, {0, 10 * kPlantMilli, "m/s"});
+  tuning->field = reader.number("field", tuning->field, {1 * kPlantMilli, 0.1, "T"});
   tuning->axis = reader.vector3("axis", tuning->axis, {-1, 1, ""});
   if (!(tuning->axis.norm() > 1e-6)) reader.fail("axis", "must be a direction");
   reader.finish();
@@ -88,10 +88,10 @@ sim::BodySettings read_body(ConfigReader reader, const std::string& name) {
   body.shape = shape == "rod"    ? sim::Shape::rod
                : shape == "disc" ? sim::Shape::disc
                                  : sim::Shape::spheroid;
-  body.semi_axis = reader.number("semi_axis", body.semi_axis, {1e-6, 50 * kThousandth, "m"});
-  body.semi_radius = reader.number("semi_radius", body.semi_radius, {1e-6, 50 * kThousandth, "m"});
+  body.semi_axis = reader.number("semi_axis", body.semi_axis, {1e-6, 50 * kPlantMilli, "m"});
+  body.semi_radius = reader.number("semi_radius", body.semi_radius, {1e-6, 50 * kPlantMilli, "m"});
   body.position =
-      reader.vector3("position", body.position, {-20 * kThousandth, 20 * kThousandth, "m"});
+      reader.vector3("position", body.position, {-20 * kPlantMilli, 20 * kPlantMilli, "m"});
   body.axis = reader.vector3("axis", body.axis, {-1, 1, ""});
   body.density = reader.number("density", body.density, {500, 30000, "kg/m^3"});
   body.fixed = reader.flag("fixed", body.fixed);
@@ -99,7 +99,7 @@ sim::BodySettings read_body(ConfigReader reader, const std::string& name) {
       reader.vector3("color", {body.color[0], body.color[1], body.color[2]}, {0, 1, ""});
   body.color = {color[0], color[1], color[2]};
   body.dotted = reader.flag("dotted", body.dotted);
-  body.dot_pitch = reader.number("dot_pitch", body.dot_pitch, {10e-6, 10 * kThousandth, "m"});
+  body.dot_pitch = reader.number("dot_pitch", body.dot_pitch, {10e-6, 10 * kPlantMilli, "m"});
   reader.finish();
   return body;
 }
@@ -192,14 +192,14 @@ void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory,
   world.friction = reader.number("friction", world.friction, {0, 2, ""});
   world.wall_drag =
       reader.flag("wall_drag", false);  // the servo believes the free drag, and would lag by it
-  world.flow = reader.vector3("flow", world.flow, {-10 * kThousandth, 10 * kThousandth, "m/s"});
+  world.flow = reader.vector3("flow", world.flow, {-10 * kPlantMilli, 10 * kPlantMilli, "m/s"});
   ConfigReader bodies = reader.table("bodies");
   for (const std::string& name : bodies.keys())
     world.bodies.push_back(read_body(bodies.table(name), name));
   bodies.finish();
   laboratory.fundus = reader.text("fundus", laboratory.fundus);
   laboratory.fundus_width =
-      reader.number("fundus_width", laboratory.fundus_width, {1 * kThousandth, 0.2, "m"});
+      reader.number("fundus_width", laboratory.fundus_width, {1 * kPlantMilli, 0.2, "m"});
   reader.finish();
 }
 

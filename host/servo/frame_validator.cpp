@@ -5,7 +5,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstring>
+#include <utility>
 
 namespace vitreo {
 namespace {
@@ -14,6 +16,8 @@ namespace {
 constexpr Time kOldest = std::chrono::milliseconds(600);
 // By which the mapping of a camera's clock may err.
 constexpr Time kAhead = std::chrono::milliseconds(20);
+// Of the camera's delays: with two clocks 100 ppm apart the least is wrong by 2 ms.
+constexpr Time kRemembered = std::chrono::seconds(10);
 // With nothing but frames that cannot be believed; then the device has failed.
 constexpr Time kPatience = std::chrono::seconds(1);
 // Images or positions in a row that are the same to the bit; the last of them throws.
@@ -33,17 +37,28 @@ bool same_picture(const cv::Mat& a, const cv::Mat& b) {
 FrameValidator::FrameValidator(Clock& clock, Recorder& recorder, std::string role)
     : clock_(clock), recorder_(recorder), role_(std::move(role)), believed_at_(clock.now()) {}
 
+Time ArrivalDelay::excess(Time delay, Time now) {
+  if (!least_ || now - since_ > kRemembered) {
+    before_ = std::exchange(least_, delay);
+    since_ = now;
+  }
+  least_ = std::min(*least_, delay);
+  return delay - (before_ ? std::min(*before_, *least_) : *least_);
+}
+
 /// Patience counts from the last frame that was believed, or from the start: a camera that begins
 /// with rubbish gets as long as one that fails later.
 bool FrameValidator::plausible(const Frame& frame) {
   // Accepted: t_exposed and number strictly increasing, -kAhead <= now - t_exposed <= kOldest.
-  const Time age = clock_.now() - frame.exposed;
+  const Time now = clock_.now();
+  Time age = now - frame.exposed;
+  if (frame.device) age += delay_.excess(frame.exposed - *frame.device, now);
   const bool in_order =
       !last_stamps_ || (frame.exposed > last_stamps_->first && frame.number > last_stamps_->second);
   const bool good = in_order && age <= kOldest && age >= -kAhead;
   if (good) {
     last_stamps_ = {frame.exposed, frame.number};
-    believed_at_ = clock_.now();
+    believed_at_ = now;
     return true;
   }
   // Said once; the count is in the record at the end.

@@ -16,6 +16,20 @@
 
 namespace vitreo {
 
+/// How much longer than usual a camera's images take to arrive, by its own clock: least delay of
+/// the last 10 to 20 s, for the two clocks drift apart. A camera that was late from the beginning
+/// does not show.
+class ArrivalDelay {
+ public:
+  /// `delay`: from the exposure on the camera's clock to what the host, by the arrival, takes for
+  /// it. Above 0: by how much it is longer than the least.
+  Time excess(Time delay, Time now);
+
+ private:
+  std::optional<Time> before_, least_;  // of the ten seconds before, and of these
+  Time since_{};
+};
+
 /// A frozen, late or reordered source is a fault of the device, not of the robot: without this
 /// check the loop would steer by it.
 class FrameValidator {
@@ -23,7 +37,8 @@ class FrameValidator {
   /// `role`: as errors call it.
   FrameValidator(Clock& clock, Recorder& recorder, std::string role);
 
-  /// False for a frame whose time stamp is out of order, in the future, or older than 0.6 s: it is
+  /// False for a frame whose time stamp is out of order, in the future, or older than 0.6 s, or of
+  /// which the camera's own clock says so: it is
   /// to be passed over, and the loop's heartbeat does not come for it. The first is an event; all
   /// are counted. Throws DeviceError{protocol} after a second without a plausible one.
   bool plausible(const Frame& frame);
@@ -46,6 +61,7 @@ class FrameValidator {
   Time believed_at_;                                           // when a frame was last plausible
   cv::Mat last_picture_;
   std::optional<Eigen::Vector3d> last_position_;
+  ArrivalDelay delay_;
   int equal_ = 0;  // pictures or positions in a row, the last one included
   int passed_over_ = 0;
   bool reported_not_finite_ = false;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/localizer.h"
 
+#include "host/servo/believed_view.h"
 #include "optics/pose/pose.h"
 
 #include <Eigen/LU>
@@ -49,13 +50,12 @@ constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any ey
 /// estimated; it needs the answer by the known axis as its start, so both solvers are prepared.
 Localizer::Localizer(const RigModel& model, vision::Background background,
                      const Eigen::Vector3d& axis, double axis_sigma)
-    : model_(model), axis_(axis), tracker_(std::move(background), tracker_settings(model)) {
+    : model_(model),
+      axis_(axis),
+      tracker_(std::move(background), tracker_settings(model)),
+      pose_(pose_settings_of(model)) {
   if (!(axis_sigma >= 0 && axis_sigma < 1))
     throw std::invalid_argument("axis_sigma must be in [0, 1) rad");
-  pose_.projection = model_.projection;
-  pose_.exact = model_.exact;
-  pose_.image = model_.top_image;
-  pose_.robot = {model_.robot.semi_axis, model_.robot.semi_radius};
   if (!(axis_sigma > 0)) return;
   tilted_.emplace();
   tilted_->projection = model_.projection;

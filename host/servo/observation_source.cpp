@@ -68,9 +68,11 @@ ObservationSource::ObservationSource(Clock& clock, Rig& rig, Recorder& recorder,
       side_(cameras.side),
       validator_(clock, recorder, by_pose_ ? "pose_sensor" : "top_camera") {
   check_cameras(rig, cameras, settings);
+  const RigModel model = corrected(rig.model, settings.view);
   if (!by_pose_)
-    localizer_.emplace(corrected(rig.model, settings.view), std::move(*cameras.top), settings.axis,
-                       settings.axis_uncertainty());
+    localizer_.emplace(model, std::move(*cameras.top), settings.axis, settings.axis_uncertainty());
+  else if (settings.by_pose && rig.top_camera != nullptr)
+    rehearsed_.emplace(model, rig.top_camera->info(), settings.axis);
 }
 
 double ObservationSource::period() const {
@@ -91,7 +93,10 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_pose(Time 
   const Frame stamps{{}, reading.number, reading.exposed, reading.received};
   if (!validator_.plausible(stamps)) return std::nullopt;
   validator_.must_change(reading.position);
-  return ObservedFrame{stamps, {{}, validator_.finite(reading.position), reading.covariance, 0}};
+  ObservedFrame found{stamps, {{}, validator_.finite(reading.position), reading.covariance, 0}};
+  if (rehearsed_ && found.observation.position)
+    found.observation.ellipse = rehearsed_->ellipse_at(*found.observation.position);
+  return found;
 }
 
 /// Order matters: what does not look like the robot is rejected before the side view is joined, so

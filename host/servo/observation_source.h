@@ -7,6 +7,7 @@
 #include "devices/time/clock.h"
 #include "host/record/recorder.h"
 #include "host/rig/rig.h"
+#include "host/servo/believed_view.h"
 #include "host/servo/frame_validator.h"
 #include "host/servo/localizer.h"
 #include "host/servo/observers.h"
@@ -24,8 +25,9 @@ class ObservationSource {
                     const ServoSettings& settings);
 
   struct ObservedFrame {
-    Frame frame;              // of the pose sensor: without an image
-    Observation observation;  // its position in the world, m
+    Frame frame;  // of the pose sensor: without an image
+    /// Its position in the world, m; in a dry run with the ellipse that an image would have shown.
+    Observation observation;
   };
   /// Waits for the next one that is plausible. Throws DeviceError as the devices do, and
   /// {protocol} for what does not change (FrameValidator).
@@ -47,7 +49,8 @@ class ObservationSource {
   Recorder& recorder_;
   const Feedback feedback_;
   const bool by_pose_;
-  std::optional<Localizer> localizer_;  // of the feedbacks with a camera
+  std::optional<Localizer> localizer_;     // of the feedbacks with a camera
+  std::optional<BelievedView> rehearsed_;  // of the same in a dry run
   SideObservationBuffer* const side_;
   FrameValidator validator_;
   Eigen::Vector3d offset_{0, 0, 0};

@@ -53,7 +53,8 @@ struct ServoSettings {
   /// field, as in the thesis. Nothing: 0, but of the law estimator kAxisSigma.
   std::optional<double> axis_sigma{};
   bool wall_drag = false;  // ControllerSettings
-  /// A dry run: the pose sensor in the camera's place, whatever the feedback.
+  /// A dry run: the pose sensor in the camera's place, and with each position the ellipse that the
+  /// camera would show.
   bool by_pose = false;
   /// A dry run of feedback by cameras: a path must stay in the top camera's sight all the same.
   bool stays_in_sight = false;

@@ -7,6 +7,7 @@
 #include "devices/sim/laboratory.h"
 #include "devices/time/clock.h"
 #include "host/record/recorder.h"
+#include "host/rig/fault.h"
 #include "host/session/run_control.h"
 
 #include <nlohmann/json.hpp>
@@ -14,37 +15,10 @@
 #include <atomic>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
 namespace vitreo {
-
-struct Fault {
-  std::string role{};          // or "disk"
-  std::string kind{};          // "silent"; fault_kinds() lists them
-  double after = 0;            // s, from when it is asked for
-  double lasting = 0;          // s; 0: to the end of the run
-  std::optional<double> by{};  // how much, in the kind's unit; nothing: its usual
-};
-
-/// A kind of failure, and the range of its size `by`.
-struct FaultKind {
-  std::string name;
-  std::string doc;
-  std::vector<std::string> roles;  // to which it can happen
-  std::string unit;                // of `by`: SI, "n" for a plain number; empty: it takes none
-  double usual = 0;                // of `by`, as the two below
-  double least = 0;
-  double most = 0;
-};
-const std::vector<FaultKind>& fault_kinds();
-
-/// "coils:silent:after=3s,lasting=1s,by=80ms". Throws ConfigError naming the word; whether the rig
-/// has the role shows when it is added.
-Fault parse_fault(const std::string& word);
-/// "coils silent after 3 s for 1 s".
-std::string to_string(const Fault& fault);
 
 /// The simulated roles of a rig.
 struct SimulatedRole {

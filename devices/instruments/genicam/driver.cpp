@@ -215,6 +215,18 @@ void GenicamCamera::count(std::uint64_t id) {
   statistics_.lost += step - 1;
 }
 
+/// The leader, the first packet of an image, bears its size: without it Aravis may call an image
+/// whole that has none, and complains when it is asked for its size.
+bool has_image(ArvBuffer* buffer) {
+  if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS) return false;
+  const ArvBufferPayloadType payload = arv_buffer_get_payload_type(buffer);
+  const bool of_images = payload == ARV_BUFFER_PAYLOAD_TYPE_IMAGE ||
+                         payload == ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA ||
+                         payload == ARV_BUFFER_PAYLOAD_TYPE_MULTIPART;
+  return of_images && arv_buffer_get_n_parts(buffer) > 0 &&
+         arv_buffer_get_part_data_type(buffer, 0) == ARV_BUFFER_PART_DATA_TYPE_2D_IMAGE;
+}
+
 /// The frame in a buffer; nothing when packets of it are missing. The image is copied, for the
 /// buffer goes back to the stream.
 /// Torn frames are counted and heard as well: a network that loses packets is not a camera that is
@@ -222,15 +234,12 @@ void GenicamCamera::count(std::uint64_t id) {
 std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
   heard_ = clock_.now();
   count(arv_buffer_get_frame_id(buffer));
-  const bool whole = arv_buffer_get_status(buffer) == ARV_BUFFER_STATUS_SUCCESS;
-  const int width = whole ? arv_buffer_get_image_width(buffer) : 0;
-  const int height = whole ? arv_buffer_get_image_height(buffer) : 0;
-  // The leader, the first packet of an image, bears its size: without it Aravis may call an image
-  // whole that has none.
-  if (width == 0 && height == 0) {
+  if (!has_image(buffer)) {
     ++statistics_.torn;
     return std::nullopt;
   }
+  const int width = arv_buffer_get_image_width(buffer);
+  const int height = arv_buffer_get_image_height(buffer);
   ++statistics_.delivered;
   std::size_t size = 0;
   const void* const pixels = arv_buffer_get_data(buffer, &size);
@@ -250,6 +259,10 @@ std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
       g_get_real_time() * 1000 - static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
   frame.exposed = frame.received - Time(std::clamp<std::int64_t>(age, 0, 1'000'000'000)) -
                   from_seconds(settings_.exposure / 2);
+  // Which moment of the exposure a camera stamps is its own affair: a constant, as its clock's
+  // zero.
+  if (const auto stamp = arv_buffer_get_timestamp(buffer); stamp != 0)
+    frame.device = Time(static_cast<std::int64_t>(stamp));
   return frame;
 }
 

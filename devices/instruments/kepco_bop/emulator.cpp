@@ -49,7 +49,11 @@ class EmulatedBop final : public Emulator {
   Time next() const override { return said_.empty() ? kForever : said_.front().at; }
   double current() const override { return flows_; }
   bool output() const override { return on_; }
-  void power_cycle() override { power_up(); }
+  void power_cycle(Time now) override {
+    power_up();
+    said_.clear();
+    update(now);
+  }
 
  private:
   /// As after power-up: voltage mode, local control, output off.
@@ -65,7 +69,6 @@ class EmulatedBop final : public Emulator {
     on_ = remote_ = false;
     errors_.clear();
     line_.clear();
-    flows_ = 0;
   }
 
   /// Commands between semicolons, in order; the answers to its questions form one line.

@@ -23,7 +23,6 @@ class Emulator : public BytePeer {
  public:
   virtual double current() const = 0;  ///< A, that flows
   virtual bool output() const = 0;     ///< whether its output is on
-  virtual void power_cycle() = 0;
 };
 
 /// `on_current` is called with the time whenever what flows has changed.

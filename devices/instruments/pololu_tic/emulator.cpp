@@ -47,14 +47,11 @@ class EmulatedTic final : public Emulator {
     settings_bytes_[kCommandTimeoutSetting + 1] =
         static_cast<std::uint8_t>(settings.command_timeout_ms >> 8);
     settings_bytes_[kSoftErrorResponse] = settings.soft_error_response;
-    reported_.step_mode = settings.step_mode;
-    reported_.max_speed = 2000000;
-    reported_.max_acceleration = reported_.max_deceleration = 40000;
+    vin_ = settings.vin;
+    now_ = clock.now();
+    power_up();
     uncertain_ = !settings.position_known;
     zero_ = -settings.position;
-    vin_ = settings.vin;
-    now_ = fed_ = clock.now();
-    update_state();
   }
 
   const UsbIdentity& identity() const override { return identity_; }
@@ -86,6 +83,14 @@ class EmulatedTic final : public Emulator {
     motor_ += static_cast<double>(usteps);
     zero_ += static_cast<double>(usteps);
   }
+  void power_cycle() override {
+    advance();
+    halt();
+    zero_ = motor_;
+    target_ = 0;
+    target_speed_ = 0;
+    power_up();
+  }
   void set_vin(double volts) override {
     advance();
     vin_ = volts;
@@ -102,6 +107,19 @@ class EmulatedTic final : public Emulator {
   }
 
  private:
+  /// What it takes from its settings when it starts.
+  void power_up() {
+    reported_ = {};
+    reported_.step_mode = given_.step_mode;
+    reported_.max_speed = 2000000;
+    reported_.max_acceleration = reported_.max_deceleration = 40000;
+    errors_ = kIntentionallyDeEnergized | kSafeStartViolation;
+    state_ = OperationState::de_energized;
+    safe_start_left_ = {};
+    uncertain_ = true;
+    fed_ = now_;
+    update_state();
+  }
   std::optional<std::vector<std::uint8_t>> answer(const Read& read) {
     std::vector<std::uint8_t> from =
         read.code == Code::get_variable ? encode_variables(variables()) : settings_bytes_;

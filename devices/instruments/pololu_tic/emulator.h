@@ -35,6 +35,8 @@ class Emulator : public UsbPeer {
   virtual bool energized() = 0;
   /// The knob was turned, or steps were lost: the controller does not notice.
   virtual void slip(std::int64_t usteps) = 0;
+  /// The motor stands where it stood; the counter is 0 there, and uncertain. Its settings are kept.
+  void power_cycle() override = 0;
   /// The motor's supply goes and comes back; the controller lives on USB.
   virtual void set_vin(double volts) = 0;
   /// While it is jammed the motor loses every step: the controller counts them, and does not

@@ -44,6 +44,11 @@ class EmulatedProbe final : public BytePeer {
     for (const Answer& answer : answers_) first = std::min(first, answer.measures);
     return first;
   }
+  void power_cycle(Time) override {
+    line_.clear();
+    complaint_.clear();
+    answers_.clear();
+  }
 
  private:
   /// Set commands have no answer; what is not known goes to the error queue.

@@ -23,7 +23,6 @@ class Emulator : public BytePeer {
   virtual void fall_silent() = 0;
   /// Its motions end after this part of their way, as if all were well.
   virtual void stop_short(double part) = 0;
-  virtual void power_cycle(Time now) = 0;
 };
 
 std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings = {});

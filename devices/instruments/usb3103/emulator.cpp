@@ -24,7 +24,9 @@ struct Channel {
 class EmulatedUsb3103 final : public Emulator {
  public:
   EmulatedUsb3103(const EmulatorSettings& settings, std::function<void(const Voltages&)> on_output)
-      : on_output_(std::move(on_output)), master_(settings.master) {
+      : on_output_(std::move(on_output)),
+        master_(settings.master),
+        master_at_first_(settings.master) {
     for (std::size_t i = 0; i < channels_.size(); ++i) {
       // As the flash holds it, in single precision: what the driver reads and what the DAC does are
       // the same number.
@@ -49,6 +51,14 @@ class EmulatedUsb3103 final : public Emulator {
   const Voltages& outputs() const override { return outputs_; }
   bool line_is_high(int line) const override {
     return (directions_out_ & levels_ & 1U << line) != 0;
+  }
+  /// The calibration is in its flash.
+  void power_cycle() override {
+    for (Channel& channel : channels_)
+      channel = {.calibration = channel.calibration, .latched = {}};
+    directions_out_ = levels_ = 0;
+    master_ = master_at_first_;
+    set({});
   }
 
  private:
@@ -121,6 +131,7 @@ class EmulatedUsb3103 final : public Emulator {
 
   std::function<void(const Voltages&)> on_output_;
   bool master_;
+  const bool master_at_first_;
   std::array<Channel, kChannels> channels_;
   std::array<std::uint8_t, 0x300> memory_{};
   Voltages outputs_{};

@@ -31,6 +31,8 @@ class Emulator : public HidPeer {
   /// What a digital line puts out; a line that is an input, as all are after power-up, puts out
   /// nothing, which is low.
   virtual bool line_is_high(int line) const = 0;
+  /// Also what a pulled cable does: it lives on the bus.
+  void power_cycle() override = 0;
 };
 std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings,
                                         std::function<void(const Voltages&)> on_output);

@@ -38,8 +38,8 @@ class Emulator : public BytePeer {
   virtual void jam(std::size_t device, std::size_t axis, double at) = 0;
   /// All axes are held where they are: one that moves stops, one that sets off stalls at once (FS).
   virtual void hold(bool held, Time now) = 0;
-  /// Switched off and on: it stands where it stood, without a reference.
-  virtual void power_cycle(Time now) = 0;
+  /// It stands where it stood, without a reference.
+  void power_cycle(Time now) override = 0;
 };
 
 /// Throws std::invalid_argument for devices without axes or two of the same address.

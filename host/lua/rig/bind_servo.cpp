@@ -248,7 +248,7 @@ void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras&
   if (settings.feedback != Feedback::pose_sensor && !eyes.top)  // as the run itself would say it
     throw std::invalid_argument(std::string("feedback \"") + to_string(settings.feedback) +
                                 "\" needs a background of the empty scene");
-  settings.by_pose = true;
+  settings.by_pose = settings.feedback != Feedback::pose_sensor;
   settings.stays_in_sight = looks(settings.feedback);
   if (settings.feedback != Feedback::none)
     settings.feedback = Feedback::pose_sensor;  // else it is let go as it was

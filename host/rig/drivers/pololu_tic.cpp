@@ -11,7 +11,7 @@
 namespace vitreo {
 namespace {
 
-constexpr double kMilli = 1e-3;
+constexpr double kLensMilli = 1e-3;
 
 pololu_tic::Home home_named(const std::string& name) {
   if (name == "none") return pololu_tic::Home::none;
@@ -22,20 +22,23 @@ pololu_tic::Settings read_settings(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   pololu_tic::Settings lens;
   lens.name = instrument.role;
-  lens.step_length = reader.number("step_length", lens.step_length, {-1 * kMilli, 1 * kMilli, "m"});
+  lens.step_length =
+      reader.number("step_length", lens.step_length, {-1 * kLensMilli, 1 * kLensMilli, "m"});
   lens.usteps_per_step = reader.integer("usteps_per_step", lens.usteps_per_step, 1, 32);
-  lens.travel_max = reader.number("travel", lens.travel_max, {0, 50 * kMilli, "m"});  // either way
+  lens.travel_max =
+      reader.number("travel", lens.travel_max, {0, 50 * kLensMilli, "m"});  // either way
   // Positions count from the nominal one in the middle.
   lens.travel_min = -lens.travel_max;
   lens.speed = reader.number("speed", lens.speed, {1e-6, 1, "m/s"});
-  lens.acceleration = reader.number("acceleration", lens.acceleration, {1 * kMilli, 10, "m/s^2"});
+  lens.acceleration =
+      reader.number("acceleration", lens.acceleration, {1 * kLensMilli, 10, "m/s^2"});
   lens.current_limit = reader.number("current_limit", lens.current_limit, {0.03, 5, "A"});
   lens.home = home_named(reader.choice("home", "reverse", {"reverse", "forward", "none"}));
   lens.home_position =
-      reader.number("home_position", lens.travel_min, {-100 * kMilli, 100 * kMilli, "m"});
+      reader.number("home_position", lens.travel_min, {-100 * kLensMilli, 100 * kLensMilli, "m"});
   lens.command_timeout = reader.number("command_timeout", lens.command_timeout, {0.1, 60, "s"});
   lens.transfer_timeout =
-      reader.number("transfer_timeout", lens.transfer_timeout, {1 * kMilli, 1, "s"});
+      reader.number("transfer_timeout", lens.transfer_timeout, {1 * kLensMilli, 1, "s"});
   try {
     lens.check();
   } catch (const std::invalid_argument& problem) {

@@ -105,7 +105,7 @@ Opener<Stage> read_zaber(const InstrumentReader& instrument) {
           moved[settings.axes[i].name.front() - 'x'] = axis_position(settings, i, *emulator, now);
         return moved;
       });
-    if (place.emulated()) let_stick(where, "stage", emulator);
+    if (place.emulated() || where.offer) let_stick(where, "stage", emulator);
     return open_on<Stage>(place, emulator, where, "stage", [&](std::unique_ptr<ByteLink> link) {
       return zaber::open(std::move(link), settings, where.clock);
     });
@@ -128,7 +128,7 @@ Opener<RotationStage> read_zaber_rotary(const InstrumentReader& instrument) {
     if ((place.emulated() || where.offer) && where.laboratory != nullptr)
       where.laboratory->turn_sensor(
           [settings, emulator](Time now) { return axis_position(settings, 0, *emulator, now); });
-    if (place.emulated()) let_stick(where, "rotation_stage", emulator);
+    if (place.emulated() || where.offer) let_stick(where, "rotation_stage", emulator);
     return open_on<RotationStage>(
         place, emulator, where, "rotation_stage", [&](std::unique_ptr<ByteLink> link) {
           return zaber::open_rotary(std::move(link), settings, where.clock);

@@ -11,6 +11,7 @@
 #include <opencv2/core.hpp>
 
 #include <algorithm>
+#include <atomic>
 #include <fcntl.h>
 #include <fstream>
 #include <functional>
@@ -112,6 +113,74 @@ TEST_F(GigeCamera, IsLostWhenItIsKilledAndOpensAgainWhenItIsBack) {
   EXPECT_GT(back.number, before);
 }
 
+/// Numbers of the exposures in `count` frames.
+std::vector<std::uint32_t> numbers_of(Camera& camera, int count) {
+  std::vector<std::uint32_t> numbers;
+  for (int i = 0; i < count; ++i) {
+    const Frame frame = camera.grab(5s);
+    EXPECT_EQ(wrong_with(frame.image), "");
+    std::uint32_t number = 0;
+    for (int k = 0; k < 4; ++k)
+      number |= std::uint32_t{frame.image.at<unsigned char>(0, k)} << 8 * k;
+    numbers.push_back(number);
+  }
+  return numbers;
+}
+
+TEST_F(GigeCamera, OfAServerThatDropsImagesMissesJustThese) {
+  const auto server = serve_camera({}, draw);
+  server->set_faults({.drops = 3});
+  const auto camera = open(camera_settings(), *clock);
+  for (const std::uint32_t number : numbers_of(*camera, 10)) EXPECT_NE(number % 3, 0U);
+}
+
+TEST_F(GigeCamera, OfAServerThatIsFrozenSeesTheSameImageAgain) {
+  const auto server = serve_camera({}, draw);
+  const auto camera = open(camera_settings(), *clock);
+  camera->grab(5s);
+  server->set_faults({.frozen = true});
+  numbers_of(*camera, 2);  // what was under way
+  const auto numbers = numbers_of(*camera, 3);
+  EXPECT_EQ(numbers.front(), numbers.back());
+  server->set_faults({});
+  numbers_of(*camera, 2);
+  EXPECT_GT(numbers_of(*camera, 1).front(), numbers.back());
+}
+
+TEST_F(GigeCamera, OfAServerThatIsLateIsDrawnAsItWasThenAndTheCamerasClockSaysSo) {
+  std::atomic<double> age{0};
+  const auto server = serve_camera({}, [&age](const Exposure& exposure, cv::Mat& image) {
+    age = exposure.age;
+    draw(exposure, image);
+  });
+  const auto camera = open(camera_settings(), *clock);
+  const auto delay = [&] {  // of the arrival on the host's clock after the exposure on the camera's
+    double least = 1e9;
+    for (int i = 0; i < 10; ++i) {
+      const Frame frame = camera->grab(5s);
+      least = std::min(least, to_seconds(frame.received - *frame.device));
+    }
+    return least;
+  };
+  const double before = delay();
+  server->set_faults({.late = 0.3});
+  camera->grab(5s);
+  // of ten frames the least is free of the scheduler's delays, to a few ms
+  EXPECT_NEAR(delay() - before, 0.3, 0.02);
+  EXPECT_EQ(age, 0.3);
+}
+
+TEST_F(GigeCamera, OfAServerThatHangsIsLost) {
+  const auto server = serve_camera({}, draw);
+  const auto camera = open(camera_settings(), *clock);
+  camera->grab(5s);
+  server->set_faults({.silent = true});
+  EXPECT_EQ(kind_of([&] {
+              for (;;) camera->grab(5s);
+            }),
+            DeviceErrorKind::lost);
+}
+
 /// The receive buffers of this process' datagram sockets, in bytes; -1 for a packet socket, whose
 /// ring needs none.
 std::vector<int> receive_buffers() {
@@ -194,6 +263,8 @@ TEST(GenicamSettings, AreCheckedByName) {
   EXPECT_EQ(complaint({.packet_size = 100}), "packet_size");
   EXPECT_EQ(complaint({.socket_buffer = 0}), "socket_buffer");
   EXPECT_THROW(ServerSettings{.lost_packets = 2}.check(), std::invalid_argument);
+  EXPECT_THROW(ServerFaults{.late = 2}.check(), std::invalid_argument);
+  EXPECT_THROW(ServerFaults{.drops = -1}.check(), std::invalid_argument);
 }
 
 }  // namespace

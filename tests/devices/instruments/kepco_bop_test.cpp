@@ -218,12 +218,27 @@ TEST_F(Kepco, SetsTheOtherChannelsToZeroWhenOneIsLost) {
   EXPECT_EQ(coils->currents()[3], 1.);  // the last that was tried, and not claimed to be zero
 }
 
+TEST_F(Kepco, TheEmulatorTellsThatNothingFlowsAfterAResetOrAPowerCut) {
+  std::vector<double> told;
+  const auto supply = make_emulator({}, [&](Time, double current) { told.push_back(current); });
+  for (const bool reset : {true, false}) {
+    supply->receive(bytes("SYST:REM ON;FUNC:MODE CURR;OUTP ON;CURR 2\r"), 0s);
+    ASSERT_DOUBLE_EQ(supply->current(), 2);
+    if (reset)
+      supply->receive(bytes("*RST\r"), 1s);
+    else
+      supply->power_cycle(1s);
+    EXPECT_DOUBLE_EQ(supply->current(), 0);
+    EXPECT_EQ(told.back(), 0);
+  }
+}
+
 TEST_F(Kepco, OpensALostChannelAgainAtZeroAndDropsItsSetPoint) {
   const auto coils = open_all();
   coils->set_currents(Currents(8, 2.));
   cables[3]->unplugged = true;
   EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);
-  emulators[3]->power_cycle();
+  emulators[3]->power_cycle(clock->now());
   cables[3]->unplugged = false;
   EXPECT_EQ(kind_of([&] { coils->set_currents(Currents(8, 1.)); }), DeviceErrorKind::lost);
   listeners[3]->heard.clear();

@@ -31,6 +31,21 @@ TEST_F(Usb3103Emulator, KeepsALatchedValueUntilTheSync) {
   EXPECT_EQ(bench.steps.size(), 1U);
 }
 
+TEST_F(Usb3103Emulator, WithoutPowerItsOutputsFallAndItComesBackAsItWasAtFirst) {
+  bench.receive(Report{0x14, 0, 0x00, 0xC0, 1});
+  bench.receive(Report{0x15});
+  bench.receive(Report{0x14, 1, 0x00, 0xC0, 1});
+  bench.emulator->power_cycle();
+  EXPECT_EQ(bench.outputs(), Voltages{});
+  EXPECT_EQ(bench.steps.back(), Voltages{}) << "whoever listens is told";
+  EXPECT_EQ(bench.receive(Report{0x44}), (std::vector<Report>{{0x44, 0}})) << "a slave again";
+  bench.receive(Report{0x43, 0});
+  bench.receive(Report{0x15});
+  EXPECT_EQ(bench.outputs(), Voltages{}) << "what was latched is gone";
+  bench.receive(Report{0x14, 0, 0x00, 0x80, 0});
+  EXPECT_DOUBLE_EQ(bench.outputs()[0], kHalf) << "the range is 0 to 10 V again";
+}
+
 TEST_F(Usb3103Emulator, SyncsEachLatchOnce) {
   bench.receive(Report{0x14, 0, 0x00, 0xC0, 1});
   bench.receive(Report{0x15});

@@ -37,6 +37,30 @@ TEST(Laboratory, FramesComeAtTheirRateWithTheirLatency) {
   EXPECT_LE(late.received, clock->now());
 }
 
+TEST(Laboratory, AnAmplifierThatIsCutOffGivesNoCurrentWhateverItIsTold) {
+  const auto clock = virtual_clock();
+  Laboratory laboratory(small(), *clock, 1);
+  const auto now = [&] {
+    clock->sleep_for(500 * kMs);
+    return laboratory.coils(clock->now());
+  };
+  laboratory.drive_coils(clock->now(), std::vector<double>(8, 2.0));
+  EXPECT_NEAR(now().currents[2], 2, 1e-3);
+  laboratory.faults().cut_off = {3};
+  laboratory.apply_coil_faults();
+  CoilTruth coils = now();
+  EXPECT_NEAR(coils.currents[2], 0, 1e-3) << "channels count from 1";
+  EXPECT_NEAR(coils.currents[3], 2, 1e-3);
+  EXPECT_EQ(coils.set_points[2], 2) << "what it was told";
+  laboratory.faults().cut_off.clear();
+  laboratory.apply_coil_faults();
+  EXPECT_NEAR(now().currents[2], 2, 1e-3);
+  laboratory.drive_coils(clock->now(), std::vector<double>(8, 0.0));
+  coils = now();
+  EXPECT_LT(coils.currents.cwiseAbs().maxCoeff(), 1e-3);
+  EXPECT_EQ(coils.set_points.cwiseAbs().maxCoeff(), 0);
+}
+
 TEST(Laboratory, AFrameThatDoesNotComeInTimeIsATimeout) {
   const auto clock = virtual_clock();
   Laboratory laboratory(small(), *clock, 1);

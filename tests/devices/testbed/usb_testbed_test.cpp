@@ -21,9 +21,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <functional>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace vitreo {
@@ -147,6 +149,42 @@ TEST_F(TicOverLibusb, GivesUpOnASilentDeviceAtTheDeadline) {
   EXPECT_GE(clock->now() - start, 90ms);
   testbed->set_fault(plug, UsbFault::none);
   EXPECT_NO_THROW(lens_mover->position());
+}
+
+TEST_F(TicOverLibusb, IsWaitedForWhileItAnswersLateAndGivenUpOnBeyondTheDeadline) {
+  const auto lens_mover = open();
+  lens_mover->position();
+  std::atomic<bool> ended{false};
+  std::thread owner([&] {
+    while (!ended) {
+      testbed->serve();
+      std::this_thread::sleep_for(1ms);
+    }
+  });
+  testbed->set_latency(plug, 20ms);
+  const Time start = clock->now();
+  EXPECT_NO_THROW(lens_mover->position());
+  EXPECT_GE(clock->now() - start, 20ms);
+  testbed->set_latency(plug, 10s);
+  EXPECT_EQ(kind_of([&] { lens_mover->position(); }), DeviceErrorKind::timeout);
+  testbed->set_latency(plug, 0ms);
+  EXPECT_NO_THROW(lens_mover->position()) << "the transfer that was given up is forgotten";
+  ended = true;
+  owner.join();
+}
+
+TEST_F(TicOverLibusb, AfterAPowerCutItsPositionIsUncertain) {
+  const auto lens_mover = open();
+  lens_mover->home(10s);
+  ASSERT_TRUE(lens_mover->homed());
+  double before = 0, after = 0;
+  testbed->with_emulators([&] {
+    before = emulator->motor_usteps();
+    emulator->power_cycle();
+    after = emulator->motor_usteps();
+  });
+  EXPECT_FALSE(lens_mover->homed());
+  EXPECT_EQ(before, after) << "the motor stands where it stood";
 }
 
 TEST_F(TicOverLibusb, NoticesAnUnplugInsideATransfer) {

@@ -48,5 +48,42 @@ TEST_F(FrameValidatorTest, TheThirdEqualPositionEndsTheLoopAndNoneIsNone) {
   EXPECT_TRUE(refused(one));
 }
 
+/// A frame that has just come, of a camera whose clock is `ahead` of the host's and has taken
+/// `delay` to bring it.
+Frame arrived(const Clock& clock, std::uint64_t number, Time ahead, Time delay) {
+  const Time now = clock.now();
+  return {{}, number, now, now, now - delay + ahead};
+}
+
+TEST_F(FrameValidatorTest, AFrameThatTheCamerasOwnClockCallsOldIsPassedOverThoughItHasJustCome) {
+  using namespace std::chrono_literals;
+  std::uint64_t number = 0;
+  const Time ahead = 1000s;  // whatever its zero is
+  const auto plausible = [&](Time delay) {
+    clock_->sleep_for(66ms);
+    return validator_.plausible(arrived(*clock_, ++number, ahead, delay));
+  };
+  for (int i = 0; i < 30; ++i) EXPECT_TRUE(plausible(30ms));
+  EXPECT_TRUE(plausible(230ms)) << "late, and young enough";
+  EXPECT_FALSE(plausible(830ms));
+  EXPECT_TRUE(plausible(30ms));
+  EXPECT_THROW(
+      {
+        for (int i = 0; i < 30; ++i) plausible(830ms);
+      },
+      DeviceError)
+      << "after a second of these the camera has failed";
+}
+
+TEST_F(FrameValidatorTest, ACamerasClockMayDriftAsQuartzDoes) {
+  using namespace std::chrono_literals;
+  std::uint64_t number = 0;
+  for (int i = 0; i < 3600 * 3; ++i) {  // an hour; 200 ppm make 0.7 s of it
+    clock_->sleep_for(333ms);
+    const Time drift = clock_->now() / 5000;
+    ASSERT_TRUE(validator_.plausible(arrived(*clock_, ++number, -drift, 30ms))) << i;
+  }
+}
+
 }  // namespace
 }  // namespace vitreo

@@ -232,9 +232,17 @@ TEST_F(PreflightTest, AnOperatorsEyeIsRehearsedByPosesTooAndLetsGoAsItWill) {
       "for i, current in ipairs(rig.coils:currents()) do assert(current == before[i], 'released: "
       "constant currents') "
       "end\n"
-      "local seen = run:samples('servo', { 'u_px', 'x' })\n"
-      "local u, x = seen.u_px, seen.x\n"
-      "assert(u[#u] ~= u[#u] and x[#x] == x[#x], 'a place without a picture')");
+      "local seen = run:samples('servo', { 'x', 'y', 'z', 'u_px', 'v_px', 'semi_major_px', "
+      "'semi_minor_px' })\n"
+      "local function last(name) return seen[name][#seen[name]] end\n"
+      "local place = vector(last 'x', last 'y', last 'z') - rig:model().eye_in_world\n"
+      "local shown = assert(rig:view():ellipse { body = rig:model().robot, position = place, axis "
+      "= "
+      "{ 1, 0, 0 } })\n"
+      "for name, value in pairs { u = last 'u_px', v = last 'v_px', semi_major = last "
+      "'semi_major_px', semi_minor = last 'semi_minor_px' } do\n"
+      "  assert(math.abs(value - shown[name]) < 0.5, name .. ' of the believed outline')\n"
+      "end");
   EXPECT_TRUE(report.passed()) << all(report.problems);
   EXPECT_TRUE(report.simulated);
 }
