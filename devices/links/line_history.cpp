@@ -34,7 +34,8 @@ void LineHistory::begin() { *this = {}; }
 
 void LineHistory::sent(std::span<const std::uint8_t> bytes, std::string_view called, Time now) {
   keep(opening_.sent, bytes);
-  exchange_ = {};
+  exchange_.sent.clear();
+  exchange_.heard.clear();
   keep(exchange_.sent, bytes);
   called_ = called;
   asked_ = now;
