@@ -7,6 +7,7 @@
 #include "devices/instruments/kepco_bop/wire.h"
 #include "devices/links/address.h"
 #include "tests/devices/instruments/serial_test_bench.h"
+#include "tests/devices/links/echo_peer.h"
 #include "tests/devices/links/real_end.h"
 
 #include <algorithm>
@@ -40,7 +41,7 @@ TEST(ScpiWire, ReadsAnIdentityAndAnError) {
 }
 
 TEST(KepcoWire, SetsACurrentAndAsksForWhatFlows) {
-  EXPECT_EQ(set_and_measure(-1.5), "CURR -1.50000;MEAS:CURR?;SYST:ERR?");
+  EXPECT_EQ(set_and_measure(-1.5), "CURR -1.50000;:MEAS:CURR?;:SYST:ERR?");
   EXPECT_EQ(with_number("VOLT", -1e-9), "VOLT 0.00000");
   const auto measured = decode_measured("-1.50000E+00;0,\"No error\"");
   ASSERT_TRUE(measured);
@@ -222,7 +223,7 @@ TEST_F(Kepco, TheEmulatorTellsThatNothingFlowsAfterAResetOrAPowerCut) {
   std::vector<double> told;
   const auto supply = make_emulator({}, [&](Time, double current) { told.push_back(current); });
   for (const bool reset : {true, false}) {
-    supply->receive(bytes("SYST:REM ON;FUNC:MODE CURR;OUTP ON;CURR 2\r"), 0s);
+    supply->receive(bytes("SYST:REM ON;:FUNC:MODE CURR;:OUTP ON;:CURR 2\r"), 0s);
     ASSERT_DOUBLE_EQ(supply->current(), 2);
     if (reset)
       supply->receive(bytes("*RST\r"), 1s);

@@ -17,13 +17,13 @@ bool has(const std::string& text, const std::string& part) {
 
 TEST_F(Usb3103Driver, OpensWithThisDialogue) {
   const auto coils = open_on(bench);
-  std::vector<Report> expected{{0x44}};
+  std::vector<Report> expected{{0x44, 0x00}};
   for (std::uint8_t i = 0; i < 8; ++i) expected.push_back({0x1C, i, 0x01});
-  expected.insert(expected.end(), {{0x43, 0x00}, {0x44}});
+  expected.insert(expected.end(), {{0x43, 0x00}, {0x44, 0x00}});
   for (int i = 0; i < 8; ++i)
     expected.push_back({0x30, static_cast<std::uint8_t>(0x08 + 0x10 * i), 0x01, 0x00, 0x08});
   for (std::uint8_t i = 0; i < 8; ++i) expected.push_back({0x14, i, 0x00, 0x80, 0x00});
-  expected.push_back({0x44});
+  expected.push_back({0x44, 0x00});
   EXPECT_EQ(bench.sent, expected);
 }
 
@@ -39,8 +39,8 @@ TEST_F(Usb3103Driver, SetsCurrentsWithThisDialogue) {
                                      {0x14, 5, 0x00, 0x80, 1},
                                      {0x14, 6, 0x00, 0x80, 1},
                                      {0x14, 7, 0x00, 0x80, 1},
-                                     {0x15},
-                                     {0x44}};
+                                     {0x15, 0x00},
+                                     {0x44, 0x00}};
   EXPECT_EQ(bench.sent, expected);
 }
 
@@ -51,7 +51,7 @@ TEST_F(Usb3103Driver, MakesSafeWithThisDialogue) {
   coils->make_safe();
   std::vector<Report> expected;
   for (std::uint8_t i = 0; i < 8; ++i) expected.push_back({0x14, i, 0x00, 0x80, 0x00});
-  expected.push_back({0x44});
+  expected.push_back({0x44, 0x00});
   EXPECT_EQ(bench.sent, expected);
   EXPECT_EQ(bench.outputs(), Voltages{});
   EXPECT_EQ(coils->currents(), Currents(8));

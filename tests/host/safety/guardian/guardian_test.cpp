@@ -130,7 +130,7 @@ struct Kepco : Amplifier {
   /// As a host would have left it.
   void switch_on(Clock& clock) {
     open_byte_link(end.address(), {}, clock)
-        ->write(bytes("SYST:REM 1;FUNC:MODE CURR;CURR:LIM 2;CURR 1.5;OUTP ON\n"), 1s);
+        ->write(bytes("SYST:REM 1;:FUNC:MODE CURR;:CURR:LIM 2;:CURR 1.5;:OUTP ON\n"), 1s);
     ASSERT_TRUE(time_until(2s, [&] { return enabled() && output() > 1; }));
   }
   std::unique_ptr<kepco_bop::Emulator> emulator = kepco_bop::make_emulator({});
@@ -380,7 +380,7 @@ TEST_F(GuardianTest, ASupplyThatIsCutOffWhileItsCurrentIsHeldEndsTheRun) {
   Kepco amplifier;
   const std::unique_ptr<Host> host = energize(amplifier, kHeld);
   ASSERT_NE(host, nullptr);
-  amplifier.end.look([&] { return amplifier.emulator->power_cycle(), 0; });
+  amplifier.end.look([&] { return amplifier.emulator->power_cycle(Time{}), 0; });
   expect_end_at_zero(*host, amplifier, [this] { return log(); });
   EXPECT_TRUE(guardian_says("A flow where 1 A were set")) << log();
 }
