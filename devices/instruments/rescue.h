@@ -1,5 +1,5 @@
 // Rescue of an output whose host is dead: what the guardian needs to know of each kind of
-// instrument that can do harm. One row an instrument, in its own folder; the table lists them.
+// instrument that can do harm. One row an instrument, in its own folder; rescues.h lists them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -42,9 +42,5 @@ struct Rescue {
   /// Throws std::invalid_argument for a setting that cannot be: before anything is energized.
   void (*check)(const RescueSettings& settings) = nullptr;
 };
-
-/// Of the rig file's driver; null where there is none: what such a driver energizes cannot be
-/// guarded.
-const Rescue* find_rescue(std::string_view driver);
 
 }  // namespace vitreo

@@ -3,8 +3,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/links/dialogue.h"
-#include "devices/links/identification.h"
 #include "devices/time/identity.h"
 
 #include <charconv>
@@ -63,22 +61,6 @@ inline std::optional<Identity> identity(std::string_view answer) {
     if (c < 0x20 && c != '\r' && c != '\n' && c != 0x11 && c != 0x13) return std::nullopt;
   return Identity{all[0] + " " + all[1], all.size() > 2 ? all[2] : "",
                   all.size() > 3 ? all[3] : ""};
-}
-
-/// The question for it, to a port on which it is not known what is there; the line's end before it
-/// ends what a host that died may have begun. `recognize` is the instrument's.
-inline PortQuestion identity_question() {
-  return {.baud_rates = {9600, 19200, 38400, 57600, 115200, 4800},
-          .messages = {bytes_of_text("\n*IDN?\n")},
-          .patience = 2};
-}
-/// Of an answer of several lines the last that holds something: an instrument may answer what was
-/// begun before with a line of its own.
-inline std::string last_line(std::string_view answer) {
-  std::string last;
-  for (const std::string& line : parts(answer, '\n'))
-    if (!line.empty()) last = line;
-  return last;
 }
 
 /// From the answer to SYST:ERR?: `-222,"Data out of range"`.

@@ -19,7 +19,7 @@ class CoilAmplifier {
   /// that is not finite, DeviceError{refused} beyond the limit; then nothing has changed.
   virtual void set_currents(std::span<const double> currents) = 0;
   virtual std::vector<double> currents() const = 0;  ///< A, as last set
-  /// A, one per channel, as the instrument itself measures them now; nothing where it measures none.
+  /// A, one per channel, as the instrument itself measures them; nothing where it measures none.
   /// Asked in either case, so that a device that is gone shows: throws DeviceError.
   virtual std::optional<std::vector<double>> measured_currents() = 0;
   /// Zero current on every channel, whatever the state. Idempotent.

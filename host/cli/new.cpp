@@ -175,8 +175,9 @@ Made new_driver(const std::string& name, const std::string& role) {
   if (fs::exists(drivers / model.driver / "rescue.cpp")) {
     for (const char* part : {"rescue.h", "rescue.cpp"})
       write_new(made, drivers / name / part, renamed(drivers / model.driver / part));
-    add_row(made, drivers / "rescue.cpp", "instruments/" + model.driver + "/rescue.h", model, name);
-    add_row(made, drivers / "rescue.cpp", model.driver + "::rescue_row(", model, name);
+    add_row(made, drivers / "rescues.cpp", "instruments/" + model.driver + "/rescue.h", model,
+            name);
+    add_row(made, drivers / "rescues.cpp", model.driver + "::rescue_row(", model, name);
   }
   write_new(made, "host/rig/drivers/" + name + ".cpp",
             renamed("host/rig/drivers/" + model.driver + ".cpp"));

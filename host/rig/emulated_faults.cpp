@@ -26,6 +26,8 @@ using Steady = std::chrono::steady_clock;
 /// How often it is asked whether the command has spoken: a thousandth of what a person would note.
 constexpr auto kContactPoll = 2ms;
 
+const std::vector<std::string> kAnyWire{"line", "usb", "hid"};
+const std::vector<std::string> kAnyCable{"line", "usb", "hid", "camera"};
 const std::vector<std::string> kAnyCamera{"camera"};
 const std::vector<std::string> kAnyLine{"line"};
 const std::vector<std::string> kAnyHid{"hid"};
@@ -41,32 +43,18 @@ struct Moment {
 
 const FaultKinds& emulated_faults() {
   static const FaultKinds kinds{
-      {"silent",
-       "nothing comes from it any more; a camera hangs",
-       {"line", "usb", "hid", "camera"}},
+      {"silent", "nothing comes from it any more; a camera hangs", kAnyCable},
       {"deaf", "what it is sent does not arrive", {"line", "hid"}},
-      {"late", "what it says comes `by` later", {"line", "usb", "hid"}, "s", 80e-3, 0, 10},
+      {"late", "what it says comes `by` later", kAnyWire, "s", 80e-3, 0, 10},
       {"late", "its images are `by` old when they come", kAnyCamera, "s", 80e-3, 0, 0.9},
-      {"short", "of each answer only `by` bytes come", {"line", "usb", "hid"}, "n", 1, 0, 1000},
-      {"garbled",
-       "the byte after the first `by` of an answer is changed",
-       {"line", "usb", "hid"},
-       "n",
-       0,
-       0,
+      {"short", "of each answer only `by` bytes come", kAnyWire, "n", 1, 0, 1000},
+      {"garbled", "the byte after the first `by` of an answer is changed", kAnyWire, "n", 0, 0,
        1000},
       {"echo", "the line sends back what it is sent", kAnyLine},
       {"blocked", "what is written to it does not get through: the writer waits", kAnyHid},
-      {"unplugged",
-       "its cable is pulled; plugged in again when the fault is over",
-       {"line", "usb", "hid", "camera"}},
-      {"power_cycled",
-       "switched off and, `by` later, on: what it does not keep is lost",
-       {"line", "usb", "hid", "camera"},
-       "s",
-       1,
-       0.02,
-       600},
+      {"unplugged", "its cable is pulled; plugged in again when the fault is over", kAnyCable},
+      {"power_cycled", "switched off and, `by` later, on: what it does not keep is lost", kAnyCable,
+       "s", 1, 0.02, 600},
       {"swapped", "its cable and that of the role `with` are exchanged", {"line", "camera"}},
       {"drops", "one of `by` images never comes", kAnyCamera, "n", 5, 1, 1000},
       {"torn", "of one of `by` images a fifth of the packets is lost", kAnyCamera, "n", 5, 1, 1000},

@@ -2,7 +2,7 @@
 #include "host/rig/rig_settings.h"
 
 #include "control/robots.h"
-#include "devices/instruments/rescue.h"
+#include "devices/instruments/rescues.h"
 #include "host/config/rights.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/plant_settings.h"

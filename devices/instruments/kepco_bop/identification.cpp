@@ -2,6 +2,7 @@
 #include "devices/instruments/kepco_bop/identification.h"
 
 #include "devices/instruments/kepco_bop/wire.h"
+#include "devices/links/scpi_question.h"
 
 namespace vitreo::kepco_bop {
 namespace {

@@ -3,6 +3,7 @@
 
 #include "devices/instruments/scpi_probe/driver.h"
 #include "devices/links/scpi.h"
+#include "devices/links/scpi_question.h"
 
 #include <cctype>
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/safety/guardian/duty.h"
 
+#include "devices/instruments/rescues.h"
 #include "devices/links/address.h"
 #include "devices/time/error.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "devices/instruments/rescue.h"
+#include "devices/instruments/rescues.h"
 
 #include "devices/instruments/kepco_bop/rescue.h"
 #include "devices/instruments/usb3103/rescue.h"
