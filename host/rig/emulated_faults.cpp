@@ -160,13 +160,17 @@ struct EmulatedFaults::State {
                                                     part.part->type()) != kind.roles.end();
       });
     };
+    bool numbered = fault.kind == "cut_off";  // the amplifiers are one part with channels
     for (const RolePart& part : parts) {
       if (!knows(part)) continue;
       if (part.role == fault.with) one.other = part.part.get();
       if (part.role != fault.role) continue;
       if (fault.channel && part.channel > 0 && part.channel != *fault.channel) continue;
+      numbered = numbered || part.channel > 0;
       one.parts.push_back(part.part.get());
     }
+    if (fault.channel && !one.parts.empty() && !numbered)
+      throw std::invalid_argument("channel is no option of " + fault.role + ": it has one cable");
     if (one.parts.empty()) throw std::invalid_argument("channel: there is none of that number");
     if (fault.kind == "swapped") check_pair(one);
   }

@@ -255,7 +255,11 @@ struct Servo::Loop {
     status.progress = 1;
     // By the exposure: what the robot had reached then is compared with what it was to reach then.
     const double since = to_seconds(frame.exposed) - reference.begin;
-    if (mode == Mode::following)
+    // A path that was given while this turn's currents were on their way begins with the next turn;
+    // measured from the begin of the path before it might count as done already.
+    if (mode == Mode::following && starting)
+      status.progress = 0;
+    else if (mode == Mode::following)
       status.progress = std::clamp(since / std::max(reference.path.duration(), 1e-9), 0.0, 1.0);
     if (!seen)
       status.state = ServoState::searching;

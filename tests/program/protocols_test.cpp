@@ -209,7 +209,7 @@ TEST(GelStep, ThePidTunedInOilLimitCyclesInVitreousAndVelocityControlDoesNotOver
   // In the oil for which it was tuned the same PID rings, and arrives.
   place.write("oil.lua",
               "return { model = { robot = 'ndfeb_cylinder_1mm' }, coils = {}, sample = {}, "
-              "pose_sensor = {} }");
+              "pose_sensor = {}, truth = { coil_delay = 0.04 } }");  // and 10 ms of USB frames
   const auto oil = results_of(place, "gel_step watch=40s --rig oil.lua");
   EXPECT_LT(oil["pid_reversals"], 30);
   EXPECT_NEAR(oil["pid_last"].get<double>(), 1, 0.05);

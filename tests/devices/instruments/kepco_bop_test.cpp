@@ -246,7 +246,7 @@ TEST_F(Kepco, OpensALostChannelAgainAtZeroAndDropsItsSetPoint) {
   coils->make_safe();
   EXPECT_EQ(flowing(), Currents(8));
   EXPECT_EQ(listeners[3]->count("OUTP ON"), 1);
-  EXPECT_EQ(listeners[3]->count("CURR:LIM?"), 1);
+  EXPECT_EQ(listeners[3]->count("CURR:LIM:POS?"), 1);
   EXPECT_NO_THROW(coils->set_currents(Currents(8, 1.)));
   EXPECT_EQ(flowing(), Currents(8, 1.));
 }

@@ -146,12 +146,21 @@ TEST_F(FootPedal, CountsAsReleasedWhenItIsUnpluggedAndStaysSo) {
 
 TEST(FootPedalWire, FindsThePedalsOfEachMaker) {
   using namespace foot_pedal;
-  Report report(20, 0);
-  report[1] = 0x04;
-  EXPECT_EQ(decode(report, xkeys_xk3()), 2U);
+  // With its constant first byte (and one more, as Windows counts), and without it.
+  for (const std::size_t size : {19U, 20U}) {
+    Report report(size, 0);
+    report[1] = 0x04;
+    EXPECT_EQ(decode(report, xkeys_xk3()), 2U) << size;
+  }
+  Report shorter(18, 0);
+  shorter[0] = 0x04;
+  EXPECT_EQ(decode(shorter, xkeys_xk3()), 2U);
+  Report newer(32, 0);
+  newer[2] = 0x08;
+  EXPECT_EQ(decode(newer, xkeys_xk3_0438()), 4U);
   EXPECT_EQ(decode(Report{5, 0}, infinity()), 5U);
   EXPECT_FALSE(decode(Report{5}, infinity()));
-  EXPECT_FALSE(decode(Report(19, 0xFF), xkeys_xk3()));
+  EXPECT_FALSE(decode(Report(17, 0xFF), xkeys_xk3()));
 }
 
 TEST(OperatorInputSettings, AreCheckedByName) {

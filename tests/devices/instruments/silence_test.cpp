@@ -22,6 +22,13 @@
 namespace vitreo {
 namespace {
 
+/// Of which half a second is silence, and not the five that a real one may take.
+sutter_mp285::Settings quick() {
+  sutter_mp285::Settings settings;
+  settings.reply_timeout = 0.5;
+  return settings;
+}
+
 using namespace std::chrono_literals;
 
 /// A link in memory under the name of a port.
@@ -64,7 +71,7 @@ struct Silence : SerialBench {
   /// Each driver of a byte link, opened with `peer` at the far end: the message by driver.
   std::map<std::string, std::string> messages_of(BytePeer& peer) {
     std::map<std::string, std::string> said;
-    said["sutter_mp285"] = message_of([&] { sutter_mp285::open(port_to(peer), {}, *clock); });
+    said["sutter_mp285"] = message_of([&] { sutter_mp285::open(port_to(peer), quick(), *clock); });
     said["sutter_mpc200"] = message_of([&] { sutter_mpc200::open(port_to(peer), {}, *clock); });
     said["zaber"] = message_of([&] { zaber::open(port_to(peer), {}, *clock); });
     said["scpi_probe"] = message_of([&] { scpi_probe::open(port_to(peer), probe(), *clock); });
@@ -85,7 +92,7 @@ struct Silence : SerialBench {
 TEST_F(Silence, NamesTheLineTheQuestionAndWhatMayBeWrong) {
   const auto emulator = sutter_mp285::make_emulator();
   faults.silent = true;
-  EXPECT_EQ(message_of([&] { sutter_mp285::open(port_to(*emulator), {}, *clock); }),
+  EXPECT_EQ(message_of([&] { sutter_mp285::open(port_to(*emulator), quick(), *clock); }),
             std::string("stage: ") + kPort +
                 " says nothing to \"set velocity\" within 0.5 s: is it on, is this its cable, is "
                 "the rate right? (timeout)");
@@ -108,19 +115,19 @@ TEST_F(Silence, OfATcpLinkDoesNotAskForARate) {
   };
   EXPECT_EQ(
       message_of([&] { scpi_probe::open(link(), probe(), *clock); }),
-      "field_probe: tcp:10.0.0.7:5025 says nothing to \"*IDN?\" within 0.96 s: the connection "
+      "field_probe: tcp:10.0.0.7:5025 says nothing to \"*IDN?\" within 0.97 s: the connection "
       "stands, so is this its address and port? (timeout)");
 }
 
 TEST_F(Silence, OfAnEmulatedInstrumentAsksForNoCable) {
   Stranger mute("");
   EXPECT_EQ(message_of([&] { scpi_probe::open(link_to(mute), probe(), *clock); }),
-            "field_probe: emulated says nothing to \"*IDN?\" within 0.96 s (timeout)");
+            "field_probe: emulated says nothing to \"*IDN?\" within 0.97 s (timeout)");
 }
 
 TEST_F(Silence, InARunNamesTheLineToo) {
   const auto emulator = sutter_mp285::make_emulator();
-  const auto stage = sutter_mp285::open(port_to(*emulator), {}, *clock);
+  const auto stage = sutter_mp285::open(port_to(*emulator), quick(), *clock);
   faults.silent = true;
   EXPECT_EQ(
       message_of([&] { stage->position(); }),
@@ -130,7 +137,8 @@ TEST_F(Silence, InARunNamesTheLineToo) {
 TEST_F(Silence, IsToldFromALateAnswer) {
   const auto emulator = sutter_mp285::make_emulator();
   faults.late = 1300ms;
-  const std::string said = message_of([&] { sutter_mp285::open(port_to(*emulator), {}, *clock); });
+  const std::string said =
+      message_of([&] { sutter_mp285::open(port_to(*emulator), quick(), *clock); });
   EXPECT_TRUE(has(said,
                   "says nothing to \"set velocity\" within 0.5 s; \"\\x0D\" came within 1.3 s "
                   "of \"set velocity\", and not within 0.5 s: is it slow?"))
@@ -276,7 +284,7 @@ TEST_F(EightSupplies, AZeroThatWasSentAndNotConfirmedIsNotClaimed) {
   // The answers to ESC and to *IDN?, then nothing more.
   cables[2].keep = static_cast<int>(std::string("\r\nKEPCO,BOP 36-12MG,A123456,1.74\r\n").size());
   const std::string said = message_of([&] { open_all(); });
-  EXPECT_TRUE(has(said, "coils: channel 3: tcp:10.0.0.13:5025 says nothing to \"*CLS;SYST:REM"))
+  EXPECT_TRUE(has(said, "coils: channel 3: tcp:10.0.0.13:5025 says nothing to \"*CLS;:SYST:REM"))
       << said;
   EXPECT_TRUE(has(said, "its zero was tried and is not confirmed, so a current may still flow"))
       << said;

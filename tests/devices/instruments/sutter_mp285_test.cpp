@@ -246,6 +246,7 @@ TEST_F(Mp285, FindsNoMp285BehindSilenceOrForeignAnswers) {
 }
 
 TEST_F(Mp285, HearsOutAReplyThatCameTooLateBeforeItAsksAgain) {
+  settings.reply_timeout = 0.5;
   const auto stage = open_stage();
   faults.late = 700ms;
   EXPECT_EQ(kind_of([&] { stage->position(); }), DeviceErrorKind::timeout);

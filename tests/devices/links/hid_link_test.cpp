@@ -40,9 +40,9 @@ TEST_F(MemoryHidLink, TakesItsTimeBothWays) {
 
 TEST_F(MemoryHidLink, KeepsRepliesInOrder) {
   echo.copies = 2;
-  link->write(Report{1});
-  link->write(Report{2});
-  for (const Report& expected : {Report{1}, Report{1}, Report{2}, Report{2}})
+  link->write(Report{1, 0});
+  link->write(Report{2, 0});
+  for (const Report& expected : {Report{1, 0}, Report{1, 0}, Report{2, 0}, Report{2, 0}})
     EXPECT_EQ(link->read(1s), expected);
   EXPECT_FALSE(link->read(0ms));
 }
@@ -50,25 +50,25 @@ TEST_F(MemoryHidLink, KeepsRepliesInOrder) {
 TEST_F(MemoryHidLink, ReturnsNothingAtTheDeadline) {
   EXPECT_FALSE(link->read(30ms));
   EXPECT_EQ(clock->now(), 30ms);
-  link->write(Report{1});
+  link->write(Report{1, 0});
   EXPECT_FALSE(link->read(1ms));  // the reply is still on its way
   EXPECT_EQ(clock->now(), 33ms);
-  EXPECT_EQ(link->read(1ms), Report{1});
+  EXPECT_EQ(link->read(1ms), (Report{1, 0}));
 }
 
 TEST_F(MemoryHidLink, WakesAReaderInAnotherTask) {
   std::optional<Report> heard;
   const auto reader = clock->spawn("reader", [&] { heard = link->read(kForever); });
   clock->sleep_for(1s);
-  link->write(Report{7});
+  link->write(Report{7, 0});
   reader->join();
-  EXPECT_EQ(heard, Report{7});
+  EXPECT_EQ(heard, (Report{7, 0}));
   EXPECT_EQ(clock->now(), 1s + 4ms);
 }
 
 TEST_F(MemoryHidLink, DeliversWhatAStoppedTaskSends) {
   clock->interrupt();
-  EXPECT_THROW(link->write(Report{9}), Stopped);
+  EXPECT_THROW(link->write(Report{9, 0}), Stopped);
   EXPECT_EQ(echo.received, (std::vector<Report>{{9}}));
 }
 

@@ -308,9 +308,7 @@ TEST_F(Usb3103OverHidraw, ComesBackAtZeroWhenItIsMadeSafeAfterAReplug) {
   EXPECT_NE(outputs(), usb3103::Voltages{});
 }
 
-TEST_F(Usb3103OverHidraw, NoticesAnUnplugInsideAReadAndComesBackAtZero) {
-  auto coils = open();
-  coils->set_currents(std::vector<double>(8, 1));
+TEST_F(Usb3103OverHidraw, NoticesAnUnplugInsideARead) {
   const auto link = open_hid_link(parse_usb_address("hid", "hid:09db:009c"), *clock);
   const auto hand = clock->spawn("hand", [&] {
     clock->sleep_for(20ms);
@@ -320,6 +318,12 @@ TEST_F(Usb3103OverHidraw, NoticesAnUnplugInsideAReadAndComesBackAtZero) {
   EXPECT_EQ(kind_of([&] { link->read(10s); }), DeviceErrorKind::lost);
   EXPECT_LT(clock->now() - start, 500ms);  // it takes a few ms
   hand->join();
+}
+
+TEST_F(Usb3103OverHidraw, ComesBackAtZeroAfterAnUnplug) {
+  auto coils = open();
+  coils->set_currents(std::vector<double>(8, 1));
+  testbed->unplug(plug);
   EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
             DeviceErrorKind::lost);
   coils.reset();
@@ -327,6 +331,16 @@ TEST_F(Usb3103OverHidraw, NoticesAnUnplugInsideAReadAndComesBackAtZero) {
   testbed->plug(*emulator, kUsb3103);
   coils = open();
   EXPECT_EQ(outputs(), usb3103::Voltages{});
+}
+
+// Opening zeroes, so a second program that got that far would spoil the first one's run unseen.
+TEST_F(Usb3103OverHidraw, HasOneOwnerWhoseOutputsASecondOpenerDoesNotTouch) {
+  const auto coils = open();
+  coils->set_currents(std::vector<double>(8, 1));
+  const usb3103::Voltages before = outputs();
+  EXPECT_EQ(kind_of([&] { open(); }), DeviceErrorKind::refused);
+  EXPECT_EQ(outputs(), before);
+  EXPECT_NO_THROW(coils->set_currents(std::vector<double>(8, 1)));
 }
 
 TEST_F(Usb3103OverHidraw, GivesUpOnAReportThatDoesNotGetThroughWithinHalfASecond) {

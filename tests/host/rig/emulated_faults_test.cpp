@@ -154,7 +154,7 @@ TEST_F(EmulatedFaultsTest, AreToldWithTheirTimesAndSoIsWhatNeverCame) {
   EXPECT_NE(told.find("fault begins: stage silent for 10 ms, "), std::string::npos) << told;
   EXPECT_NE(told.find(" s after the first word, 20"), std::string::npos) << told;
   EXPECT_NE(told.find("fault is over: stage silent, "), std::string::npos) << told;
-  EXPECT_NE(told.find("fault never came: stage deaf after 16 min 40 s"), std::string::npos) << told;
+  EXPECT_NE(told.find("fault never came: stage deaf after 1000 s"), std::string::npos) << told;
 }
 
 }  // namespace

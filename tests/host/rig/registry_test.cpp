@@ -185,7 +185,8 @@ TEST(Registry, TheSimulatedStageIsAZaberWhosePlaceTheLaboratoryKnows) {
       "stage", {{"driver", text("simulated")}, {"carries", text("probe")}, {"travel", {10e-3}}});
   description.table["field_probe"] =
       ConfigValue{ConfigTable{{"driver", text("simulated")}, {"noise", {0.0}}}};
-  description.table["coils"] = ConfigValue{ConfigTable{}};
+  description.table["coils"] =
+      ConfigValue{ConfigTable{{"transfer_interval", {0.0}}}};  // no USB frames
   const auto clock = virtual_clock();
   const auto rig = open_rig(description, *clock, 1);
   Rig& roles = rig->rig();
