@@ -42,9 +42,9 @@ constexpr std::chrono::milliseconds kWriteDeadline{500};
 /// which may outlive the link for as long.
 class Writer {
  public:
-  Writer(Device device, NodeLock lock) : lock_(std::move(lock)), device_(std::move(device)) {}
-  static std::shared_ptr<Writer> start(Device device, NodeLock lock) {
-    auto writer = std::make_shared<Writer>(std::move(device), std::move(lock));
+  explicit Writer(Device device) : device_(std::move(device)) {}
+  static std::shared_ptr<Writer> start(Device device) {
+    auto writer = std::make_shared<Writer>(std::move(device));
     quiet_thread([writer] { writer->run(); }).detach();
     return writer;
   }
@@ -93,7 +93,6 @@ class Writer {
     }
   }
 
-  const NodeLock lock_;  // as long as the device is open, a report that the kernel holds included
   const Device device_;
   // Of all members below. report_ is the hand-over: filled by write(), emptied by run() when the
   // kernel has taken it.
@@ -176,12 +175,15 @@ class HidapiLink final : public HidLink {
     if (!device)
       throw DeviceError(DeviceErrorKind::refused, name_,
                         path + " may not be opened: " + last_error(nullptr));
-    writer_ = Writer::start(std::move(device), std::move(lock));
+    writer_ = Writer::start(std::move(device));
+    lock_ = std::move(lock);
   }
 
   Clock& clock_;
   const std::string name_;
   std::shared_ptr<Writer> writer_;  // owns the device
+  // The link's, not the writer's: who gives up a link on which a report is stuck opens it anew.
+  NodeLock lock_;
   std::mutex reading_;
 };
 

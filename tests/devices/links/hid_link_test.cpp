@@ -69,7 +69,7 @@ TEST_F(MemoryHidLink, WakesAReaderInAnotherTask) {
 TEST_F(MemoryHidLink, DeliversWhatAStoppedTaskSends) {
   clock->interrupt();
   EXPECT_THROW(link->write(Report{9, 0}), Stopped);
-  EXPECT_EQ(echo.received, (std::vector<Report>{{9}}));
+  EXPECT_EQ(echo.received, (std::vector<Report>{{9, 0}}));
 }
 
 TEST_F(MemoryHidLink, RefusesANegativeLatency) {

@@ -101,7 +101,9 @@ TEST_F(TicOverLibusb, ATransferTakesAFrame) {
   }
   std::printf("10 control transfers over libusb: fastest %.2f ms\n", fastest * 1e3);
   EXPECT_GE(fastest, 9e-3) << "ten frames, of which the first may have begun";
-  EXPECT_LE(fastest, 1.1 * 10e-3);
+  // Each frame is ended by a thread that wakes up: the machine's lateness. Exact on the virtual
+  // clock (LinkTimes).
+  EXPECT_LE(fastest, 1.5 * 10e-3);
 }
 
 TEST_F(TicOverLibusb, IsNotThereUnderAnotherSerialNumber) {
@@ -250,7 +252,7 @@ TEST_F(Usb3103OverHidraw, AnUpdateTakesAFrameForEachReport) {
   std::printf("update of 8 coils over hidraw: fastest %.2f ms, median %.2f ms\n", took[0] * 1e3,
               took[25] * 1e3);
   EXPECT_GE(took.front(), 10e-3);
-  EXPECT_LE(took.front(), 1.1 * 11e-3);
+  EXPECT_LE(took.front(), 1.5 * 11e-3);  // as of ATransferTakesAFrame
 }
 
 // Each device has its own place in a frame, and no handler sleeps while another's transfer waits.
