@@ -22,14 +22,14 @@ for words in "$@"; do
   protocol=${words#* }
   seed=$(echo "$protocol" | sed -n 's/.*--seed \([0-9]*\).*/\1/p')
   begun=$(date +%s)
+  rm -rf "$out"/*
   # shellcheck disable=SC2086  # words are arguments
   "$program" emulate "$rig" --seed "${seed:-1}" --truth "$out/truth.csv" -- \
     "$program" run $protocol --rig "$rig" --out "$out" --json 2>"$out/trouble" >"$out/told" || tail -3 "$out/trouble"
   echo "$rig $protocol ($(($(date +%s) - begun)) s): $(tail -1 "$out/told")"
-  newest=$(find "$out" -name run.sqlite -newer "$out/truth.csv" -printf '%T@ %h\n' 2>/dev/null | sort -n | tail -1 | cut -d' ' -f2-)
-  [ -n "$newest" ] || newest=$(find "$out" -name run.sqlite -printf '%T@ %h\n' | sort -n | tail -1 | cut -d' ' -f2-)
+  newest=$(find "$out" -name run.sqlite -printf '%T@ %h\n' | sort -n | tail -1 | cut -d' ' -f2-)
   case $protocol in
     servo_* | hold* | drift_test* | steer* | motion_in_gels* | localize_spiral*)
-      python3 "$here/judge_by_truth.py" "$newest" "$out/truth.csv" 2>&1 || true ;;
+      [ -z "$newest" ] || python3 "$here/judge_by_truth.py" "$newest" "$out/truth.csv" 2>&1 || true ;;
   esac
 done
