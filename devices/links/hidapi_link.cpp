@@ -57,8 +57,10 @@ class Writer {
   }
 
   /// Bytes written; negative with the reason in `why`. Nothing at the deadline, and ever after: the
-  /// report may still go out, and another behind it would come out of order.
+  /// report may still go out, and another behind it would come out of order. Callers take turns:
+  /// there is one hand-over, and the result in it is that of one report.
   std::optional<int> write(std::span<const std::uint8_t> report, std::string& why) {
+    const std::lock_guard turn(turn_);
     std::unique_lock lock(mutex_);
     if (stuck_) return std::nullopt;
     report_.emplace(report.begin(), report.end());
@@ -94,6 +96,7 @@ class Writer {
   }
 
   const Device device_;
+  std::mutex turn_;  // of write()
   // Of all members below. report_ is the hand-over: filled by write(), emptied by run() when the
   // kernel has taken it.
   std::mutex mutex_;

@@ -256,6 +256,28 @@ TEST_F(Usb3103OverHidraw, AnUpdateTakesAFrameForEachReport) {
 }
 
 // Each device has its own place in a frame, and no handler sleeps while another's transfer waits.
+/// A loop sets currents while the interlock's watch asks whether the amplifier is still there: no
+/// report of one may be lost by the other.
+TEST_F(Usb3103OverHidraw, IsSetAndAskedByTwoTasksAtOnce) {
+  const auto coils = open();
+  std::vector<std::string> errors;
+  const auto times = [&](int count, Time pause, const std::function<void()>& work) {
+    for (int i = 0; i < count; ++i) {
+      try {
+        work();
+      } catch (const DeviceError& error) {
+        errors.emplace_back(error.what());
+      }
+      clock->sleep_for(pause);
+    }
+  };
+  const auto watch =
+      clock->spawn("watch", [&] { times(60, 3ms, [&] { coils->measured_currents(); }); });
+  times(40, 2ms, [&] { coils->set_currents(std::vector<double>(8, 0.1)); });
+  watch->join();
+  EXPECT_EQ(errors, Findings{});
+}
+
 TEST_F(Usb3103OverHidraw, FramesOfOneDeviceDoNotHoldUpAnother) {
   const auto second = usb3103::make_emulator({}, nullptr);
   const UsbIdentity identity{0x09DB, 0x009C, 0x0100, "2", "MCC", "USB-3103", ""};
