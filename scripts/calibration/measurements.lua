@@ -70,6 +70,16 @@ local function hold_current(rig, run, coil, current, time)
   until run:now() >= began + time - 1e-9
 end
 
+-- Zero, which needs no renewal: a set-point just before the step would be a step within a millisecond to the interlock.
+local function rest(rig, run, time)
+  local currents = {}
+  for k = 1, #rig.coils:currents() do
+    currents[k] = 0
+  end
+  rig.coils:set_currents(currents)
+  run:wait(time)
+end
+
 --- How long after a new set-point the coil's field begins to follow, and with which time constant: steps of current seen by the
 --- field probe, the straight line of log(1 - B/B_end) fitted. A teslameter is slower than the coils: the step is repeated, each
 --- time asked a little later, over as long as one reading takes. A reading counts at the moment that the probe says. Returns
@@ -90,7 +100,7 @@ function calibrations.coil_latency(rig, run, options)
   repeats = repeats or math.max(8, math.ceil(spread / (2.5 * ms))) -- three and more on the slope of a step
   local times, values, zero, final = {}, {}, nil, nil
   for k = 1, repeats do
-    hold_current(rig, run, coil, 0, 0.5 * s)
+    rest(rig, run, 0.5 * s)
     zero = zero or (field())
     local began = run:now()
     hold_current(rig, run, coil, current, 1 * ms + spread * (k - 1) / repeats)
@@ -104,7 +114,7 @@ function calibrations.coil_latency(rig, run, options)
       final = ((field()) - zero):norm()
     end
   end
-  hold_current(rig, run, coil, 0, 1 * ms)
+  rest(rig, run, 1 * ms)
   local x, y = {}, {}
   for i = 1, #times do
     local part = values[i] / final
