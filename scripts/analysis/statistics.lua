@@ -80,6 +80,27 @@ function statistics.line(x, y)
   return { slope = slope, intercept = intercept, max_residual = worst }
 end
 
+--- The same of data of which up to a quarter may be far off: the median of the slopes of all pairs (Theil 1950, Sen 1968), and
+--- the median of what is left. Pairs whose x differ by less than `apart` (0) say nothing of the slope.
+function statistics.robust_line(x, y, apart)
+  if #some(x, "robust_line") < 2 or #x ~= #y then
+    error("robust_line: wants two lists of the same length, two or more", 2)
+  end
+  local slopes, left = {}, {}
+  for i = 1, #x do
+    for k = i + 1, #x do
+      local across = x[k] - x[i]
+      if math.abs(across) > (apart or 0) then slopes[#slopes + 1] = (y[k] - y[i]) / across end
+    end
+  end
+  if #slopes == 0 then error("robust_line: all x are alike", 2) end
+  local slope = statistics.median(slopes)
+  for i = 1, #x do
+    left[i] = y[i] - slope * x[i]
+  end
+  return { slope = slope, intercept = statistics.median(left) }
+end
+
 --- `count` values from `first` to `last`, both among them.
 function statistics.range(first, last, count)
   if count < 1 then error("range: count: wants at least 1", 2) end

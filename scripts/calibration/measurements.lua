@@ -81,7 +81,7 @@ local function rest(rig, run, time)
 end
 
 --- How long after a new set-point the coil's field begins to follow, and with which time constant: steps of current seen by the
---- field probe, the straight line of log(1 - B/B_end) fitted. A teslameter is slower than the coils: the step is repeated, each
+--- field probe, a robust straight line through the times over log(1 - B/B_end). A teslameter is slower than the coils: the step is repeated, each
 --- time asked a little later, over as long as one reading takes. A reading counts at the moment that the probe says. Returns
 --- {delay, constant (s), times, values}.
 function calibrations.coil_latency(rig, run, options)
@@ -115,16 +115,17 @@ function calibrations.coil_latency(rig, run, options)
     end
   end
   rest(rig, run, 1 * ms)
-  local x, y = {}, {}
+  -- The error is the time's (a set-point that was late on its bus, by whole frames), so t = delay + constant * -log(1 - part).
+  local logs, at = {}, {}
   for i = 1, #times do
     local part = values[i] / final
     if part > 0.1 and part < 0.9 then
-      x[#x + 1], y[#y + 1] = times[i], -math.log(1 - part)
+      logs[#logs + 1], at[#at + 1] = -math.log(1 - part), times[i]
     end
   end
-  if #x < 3 then error("the step is too fast for the probe, or was not seen", 0) end
-  local line = statistics.line(x, y)
-  return { delay = -line.intercept / line.slope, constant = 1 / line.slope, times = times, values = values }
+  if #logs < 3 then error("the step is too fast for the probe, or was not seen", 0) end
+  local line = statistics.robust_line(logs, at, 0.3)
+  return { delay = line.intercept, constant = line.slope, times = times, values = values }
 end
 
 --- The coils' field from a probe on a stage of three axes: at the corners of a cube and its middle, one coil at a time with
