@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace vitreo {
 
@@ -16,6 +18,10 @@ namespace vitreo {
 struct Frame {
   /// 8-bit gray, or blue, green, red of a color camera; never written to after delivery.
   cv::Mat image;
+  /// Of a gray camera of more than 8 bits the same image with all of them, CV_16UC1, right-aligned;
+  /// else empty. The record keeps this one.
+  cv::Mat deep{};
+  int bits = 8;              ///< that count of a pixel of `deep`, or of `image` where it is empty
   std::uint64_t number = 0;  ///< counts exposures, so a gap shows dropped frames
   Time exposed{};            ///< the middle of the exposure
   Time received{};           ///< when the host had it
@@ -31,6 +37,11 @@ struct CameraInfo {
   double frame_period = 0;  ///< s
   /// m of the observed plane (the aerial image for a microscope on the eye) per pixel.
   double effective_pixel = 0;
+  /// px: where the image's first pixel is on the sensor.
+  int offset_x_px = 0;
+  int offset_y_px = 0;
+  /// What the camera itself said when it was opened, in its own names and units; for the record.
+  std::vector<std::pair<std::string, std::string>> settings{};
 };
 
 /// Counts of frames since the camera was opened.
@@ -49,6 +60,15 @@ class Camera {
   virtual Frame grab(Time timeout) = 0;
   /// All zero where frames cannot get lost.
   virtual CameraStatistics statistics() const { return {}; }
+
+  /// Settings by the names that the instrument gives them, as text in its units. Throw
+  /// DeviceError{refused} naming the feature where there is none, or it does not take the value, or
+  /// it decides what an image is and belongs to the rig file (its size, its format).
+  virtual std::string feature(const std::string& name);
+  /// Returns what the camera reads back; of a command, whose value is "", nothing.
+  virtual std::string set_feature(const std::string& name, const std::string& value);
+  /// One exposure, of a camera that waits for a trigger by software; else DeviceError{refused}.
+  virtual void trigger();
 };
 
 }  // namespace vitreo

@@ -39,8 +39,8 @@ void DeviceClock::forget(double before) {
 
 void DeviceClock::arrived(Time device, Time host) {
   const Point now = point(device, host);
-  const bool same_bin = !earliest_.empty() && std::floor(earliest_.back().device / kBin) ==
-                                                  std::floor(now.device / kBin);
+  const bool same_bin = !earliest_.empty() &&
+                        std::floor(earliest_.back().device / kBin) == std::floor(now.device / kBin);
   if (!same_bin)
     earliest_.push_back(now);
   else if (now.offset < earliest_.back().offset)

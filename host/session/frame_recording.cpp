@@ -87,6 +87,16 @@ class FrameRecording::Tap final : public Camera {
   Tap& operator=(const Tap&) = delete;
   const CameraInfo& info() const override { return camera_.info(); }
   const std::string& name() const { return name_; }
+  CameraStatistics statistics() const override { return camera_.statistics(); }
+  std::string feature(const std::string& name) override { return camera_.feature(name); }
+  // Settings of an instrument are what a run was made with: each change is an event.
+  std::string set_feature(const std::string& name, const std::string& value) override {
+    std::string read = camera_.set_feature(name, value);
+    recorder_.event(clock_.now(), "note",
+                    name_ + ": feature " + name + (read.empty() ? " executed" : " = " + read));
+    return read;
+  }
+  void trigger() override { camera_.trigger(); }
 
   // What a caller gets is offered to the record in the same call, so what is recorded is what the
   // loop saw, in its order.

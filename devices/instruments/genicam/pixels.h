@@ -1,4 +1,5 @@
-// Pixel formats of GenICam's naming convention (PFNC 2.4, EMVA): from the bytes of a buffer to images.
+// Pixel formats of GenICam's naming convention (PFNC 2.4, EMVA): from the bytes of a buffer to
+// images.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,7 +16,8 @@ namespace vitreo::genicam {
 enum class Packing {
   bytes,       ///< 8 bits, or 16 of which the low ones count, little-endian
   dense,       ///< Mono10p, Mono12p: without gaps, the low bits first
-  gige_packed  ///< Mono10Packed, Mono12Packed of GigE Vision 1: high bytes of two, their low bits between
+  gige_packed  ///< Mono10Packed, Mono12Packed of GigE Vision 1: high bytes of two, their low bits
+               ///< between
 };
 
 struct PixelFormat {
