@@ -37,6 +37,7 @@ struct CameraInfo {
   double frame_period = 0;  ///< s
   /// m of the observed plane (the aerial image for a microscope on the eye) per pixel.
   double effective_pixel = 0;
+  int bits = 8;  ///< that count of a pixel (Frame::bits)
   /// px: where the image's first pixel is on the sensor.
   int offset_x_px = 0;
   int offset_y_px = 0;

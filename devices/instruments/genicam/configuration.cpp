@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/genicam/configuration.h"
 
+#include "devices/instruments/genicam/pixels.h"
 #include "devices/time/error.h"
 
 #include <fmt/format.h>
@@ -186,6 +187,8 @@ CameraInfo Configuration::read_back() const {
   if (std::abs(exposed - settings_.exposure) > 0.05 * settings_.exposure + 10e-6)
     refuse(fmt::format("exposure: it exposes for {} s instead", exposed));
   info.effective_pixel = settings_.effective_pixel;
+  const PixelFormat& format = *format_of(settings_.pixel_format);
+  info.bits = format.pattern.empty() ? format.bits : 8;  // color is delivered with 8
   for (const char* const feature : kRecorded)
     if (const auto value = features_.value_of(feature)) info.settings.emplace_back(feature, *value);
   for (const auto& [feature, set] : settings_.features)
