@@ -18,16 +18,16 @@ namespace vitreo {
 struct Frame {
   /// 8-bit gray, or blue, green, red of a color camera; never written to after delivery.
   cv::Mat image;
-  /// Of a gray camera of more than 8 bits the same image with all of them, CV_16UC1, right-aligned;
-  /// else empty. The record keeps this one.
-  cv::Mat deep{};
-  int bits = 8;              ///< that count of a pixel of `deep`, or of `image` where it is empty
   std::uint64_t number = 0;  ///< counts exposures, so a gap shows dropped frames
   Time exposed{};            ///< the middle of the exposure
   Time received{};           ///< when the host had it
   /// The instrument's own clock at the middle of the exposure, where it has one; `exposed` is its
   /// image on the host's.
   std::optional<Time> device{};
+  /// Of a gray camera of more than 8 bits the same image with all of them, CV_16UC1, right-aligned;
+  /// else empty. The record keeps this one.
+  cv::Mat deep{};
+  int bits = 8;              ///< that count of a pixel of `deep`, or of `image` where it is empty
 };
 
 struct CameraInfo {

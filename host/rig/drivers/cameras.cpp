@@ -141,6 +141,8 @@ Opener<Camera> read_opencv_camera(const InstrumentReader& instrument) {
   settings.width_px = reader.integer("width_px", 0, 0, 1 << 16);
   settings.height_px = reader.integer("height_px", 0, 0, 1 << 16);
   settings.frame_rate = reader.number("frame_rate", 0, {0, 1e4, "Hz"});
+  settings.exposure = reader.number("exposure", 0, {0, 100, "s"});
+  if (reader.has("gain")) settings.gain = reader.integer("gain", 0, 0, 1 << 16);
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
   check_settings(instrument, settings);
   // Which format and bus the system's camera sends its images by is not known here.
