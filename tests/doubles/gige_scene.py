@@ -100,6 +100,7 @@ class View:
         _, kind, self.filters = FORMATS[format_name]
         self.pack = PACK[kind]
         self.pitch = width * bits(format_name) // 8
+        self.group = 4 if kind[-1] in "pd" else 1  # pixels that share bytes
 
     def key(self):
         """What tells two views apart."""
@@ -216,13 +217,13 @@ class Painter:
         first, end = view.columns_of(left, left + wide)
         if first >= end:
             return
-        start, stop = first & ~3, min(end + 3 & ~3, view.width)  # whole groups of four, which are whole bytes
+        start, stop = first // view.group * view.group, -(-end // view.group) * view.group
         at, size = start * view.pitch // view.width, (stop - start) * view.pitch // view.width
         plain = start == first and stop == end
         filled = view.pack([value] * (stop - start)) if plain else None
         for row in range(*view.rows_of(top, top + tall)):
             if not plain:
-                # What lies beside the rectangle in its groups of four is read back from the background.
+                # What lies beside the rectangle in its groups is read back from the background.
                 values = self.row(view, look, row)[start:stop]
                 values[first - start:end - start] = [value] * (end - first)
                 filled = view.pack(values)
