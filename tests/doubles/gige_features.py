@@ -319,9 +319,10 @@ def _chunk_nodes():
 
 def text(categories, found, camera):
     """The camera's GenApi text, filled up to a multiple of four bytes."""
+    found = {name: each for name, each in found.items() if each.age in ("", camera.names)}
     nodes = [_node("Category", "Root", *[_tag("pFeature", each) for each in categories])]
     for category, features in categories.items():
-        shown = [each for each in features if each.age in ("", camera.names)]
+        shown = [each for each in features if each.name in found]
         chunks = [f"Chunk{each}" for each in CHUNKS] if category == "ChunkDataControl" else []
         nodes.append(_node("Category", category, *[_tag("pFeature", each.name) for each in shown],
                            *[_tag("pFeature", each) for each in chunks]))

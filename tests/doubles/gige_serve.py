@@ -174,7 +174,8 @@ class Network:
 
     def __init__(self, cameras, log):
         self.cameras, self.log = cameras, log
-        self.broadcast = udp(BROADCAST, wire.PORT)
+        heard = any(each.discovery for each in cameras)
+        self.broadcast = udp(BROADCAST, wire.PORT) if heard else None
         self.control = [udp(each.address, wire.PORT) for each in cameras]
         self.streams = [udp(each.address, 0) for each in cameras]
         for camera, stream in zip(cameras, self.streams):
@@ -183,7 +184,7 @@ class Network:
 
     def sockets(self):
         """What to wait for."""
-        return [self.broadcast, *self.control]
+        return self.control + ([self.broadcast] if self.broadcast else [])
 
     def take(self, ready, clock):
         """Gives what has arrived to the cameras."""
