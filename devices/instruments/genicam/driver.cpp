@@ -65,6 +65,7 @@ class GenicamCamera final : public Camera {
   Frame picture_of(ArvBuffer* buffer) const;
   void date(Frame& frame, ArvBuffer* buffer);
   void compare_clocks();
+  void forget_foreign_clock(Time device, Time exposed);
   void count(std::uint64_t id);
   [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
     throw DeviceError(kind, settings_.name, what);
@@ -122,6 +123,7 @@ void GenicamCamera::start() {
   info_ = configuration.read_back();
   exposure_ = from_seconds(configuration.exposure());
   latch_.emplace(camera_.get(), *features_);
+  if (settings_.device_clock != "latch") latch_->give_up();
   open_stream();
 }
 
@@ -237,11 +239,12 @@ void GenicamCamera::date(Frame& frame, ArvBuffer* buffer) {
   const Time ended = arrived - from_seconds(settings_.readout);
   frame.exposed = ended - exposure_ / 2;
   // Where Aravis does not know the clock's frequency it copies the host's stamp: no clock.
-  if (stamp != 0 && stamp != system) {
+  if (stamp != 0 && stamp != system && settings_.device_clock != "none") {
     const Time stamped(static_cast<std::int64_t>(stamp));
     const Time end = settings_.stamps_the_end ? stamped : stamped + exposure_;
-    device_clock_.arrived(end, ended);
     frame.device = end - exposure_ / 2;
+    forget_foreign_clock(*frame.device, frame.exposed);
+    device_clock_.arrived(end, ended);
     frame.exposed = device_clock_.host_of(*frame.device).value_or(frame.exposed);
   }
   // While the first arrivals are learnt from, the map moves by as much as they jitter: times grow
@@ -249,6 +252,15 @@ void GenicamCamera::date(Frame& frame, ArvBuffer* buffer) {
   constexpr Time kLeast = 1us;
   frame.exposed = std::min(std::max(frame.exposed, exposed_ + kLeast), frame.received);
   exposed_ = frame.exposed;
+}
+
+/// A latch that counts in another unit than its name says, or of another clock, would put the
+/// frames seconds away from their arrival.
+void GenicamCamera::forget_foreign_clock(Time device, Time exposed) {
+  if (!device_clock_.is_compared()) return;
+  if (std::chrono::abs(*device_clock_.host_of(device) - exposed) < 1s) return;
+  latch_->give_up();
+  device_clock_ = {};
 }
 
 /// Once a second, more often at first: by then a crystal has gone astray by a tenth of a
@@ -362,6 +374,12 @@ void Settings::check() const {
   in(readout, 0, 10, "readout");
   if (format_of(pixel_format) == nullptr)
     throw std::invalid_argument("pixel_format: " + pixel_format + " is not known here");
+  const bool odd = offset_x_px % 2 != 0 || offset_y_px % 2 != 0;
+  if (odd && !format_of(pixel_format)->pattern.empty())
+    throw std::invalid_argument("offset_x_px, offset_y_px: must be even, or the mosaic of " +
+                                pixel_format + " is another");
+  if (device_clock != "latch" && device_clock != "arrivals" && device_clock != "none")
+    throw std::invalid_argument("device_clock: must be latch, arrivals or none");
   if (trigger_edge != "rising" && trigger_edge != "falling")
     throw std::invalid_argument("trigger_edge: must be rising or falling");
 }

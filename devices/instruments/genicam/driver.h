@@ -35,6 +35,9 @@ struct Settings {
   std::string exposure_output{};  ///< a line that is high while the camera exposes; empty: none
   /// Set last, in this order; to a command the empty text.
   std::vector<std::pair<std::string, std::string>> features{};
+  /// By which a frame is dated: "latch" of the camera's clock, where it has one, "arrivals" alone of
+  /// what that clock has stamped, or "none" of it.
+  std::string device_clock = "latch";
   bool stamps_the_end = false;  ///< its time stamp is of the exposure's end, not of its begin
   /// s, from the end of the exposure to the first packet; by data sheet, or by a lamp that is
   /// switched.

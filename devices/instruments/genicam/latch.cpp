@@ -10,10 +10,11 @@
 namespace vitreo::genicam {
 namespace {
 
-/// Hz. GigE Vision's bootstrap registers hold it in two words where no feature does; 0: unknown.
+/// Hz of GigE Vision 1's counter; its bootstrap registers hold it in two words where no feature
+/// does. 0: unknown.
 double tick_frequency(ArvCamera* camera, const Features& features) {
   if (const auto text = features.value_of("GevTimestampTickFrequency")) return std::stod(*text);
-  if (arv_camera_is_gv_device(camera) == FALSE) return 1e9;  // SFNC: TimestampLatchValue is in ns
+  if (arv_camera_is_gv_device(camera) == FALSE) return 0;
   constexpr std::uint64_t kHigh = 0x093C;
   constexpr std::uint64_t kLow = 0x0940;
   ArvDevice* const device = arv_camera_get_device(camera);
@@ -29,21 +30,19 @@ double tick_frequency(ArvCamera* camera, const Features& features) {
 
 }  // namespace
 
+// SFNC's value is in ns, GigE Vision 1's in ticks.
 Latch::Latch(ArvCamera* camera, const Features& features) : features_(features) {
   if (features.available("TimestampLatch") && features.available("TimestampLatchValue")) {
     latch_ = "TimestampLatch";
     value_ = "TimestampLatchValue";
   } else if (features.available("GevTimestampControlLatch") &&
              features.available("GevTimestampValue")) {
+    const double frequency = tick_frequency(camera, features);
+    if (frequency <= 0) return;
     latch_ = "GevTimestampControlLatch";
     value_ = "GevTimestampValue";
-  }
-  if (latch_.empty()) return;
-  const double frequency = tick_frequency(camera, features);
-  if (frequency > 0)
     tick_ = 1e9 / frequency;
-  else
-    latch_.clear();
+  }
 }
 
 // The moment of the latch lies within the round trip of the command alone; the value is read after.

@@ -16,6 +16,8 @@ class Latch {
   Latch(ArvCamera* camera, const Features& features);
   /// Whether the camera has a latch that has answered so far.
   bool usable() const { return !latch_.empty(); }
+  /// What it says is of another clock than the frames' stamps.
+  void give_up() { latch_.clear(); }
   /// A few exchanges; the one of the shortest round trip counts. Outside the baton. A camera that
   /// does not answer is not asked again: what is wrong with it shows at the next frame.
   void compare(const Clock& clock, DeviceClock& device_clock);

@@ -57,6 +57,8 @@ void read_genicam_extras(ConfigReader& reader, genicam::Settings& settings) {
   settings.exposure_output = reader.text("exposure_output", settings.exposure_output);
   for (const std::string& feature : reader.texts("features"))
     settings.features.push_back(feature_of(reader, feature));
+  settings.device_clock =
+      reader.choice("device_clock", settings.device_clock, {"latch", "arrivals", "none"});
   settings.stamps_the_end = reader.choice("stamps", "exposure_start",
                                           {"exposure_start", "exposure_end"}) == "exposure_end";
   settings.readout = reader.number("readout", settings.readout, {0, 10, "s"});
