@@ -104,6 +104,9 @@ class GigeCamera(Double):
         "discovery": True,  # answers discovery
         "control_loss": 0.0,  # ratio of control packets that vanish, commands and answers alike
     }
+    # Options that stand in the camera's text or clock.
+    FIXED = ("address", "vendor", "model", "serial", "sensor_width", "sensor_height", "color", "width_step",
+             "height_step", "offset_step", "names", "mtu", "tick_frequency", "drift_ppm", "clock_offset")
     STATE = (
         "acquiring", "controller", "exposures", "triggers", "triggers_ignored", "frames_sent", "frames_lost",
         "packets_sent", "packets_lost", "resend_requests", "packets_resent", "refusals", "commands", "unplugged",
@@ -139,10 +142,11 @@ class GigeCamera(Double):
                 raise Refused(f"{name}: '{getattr(self, name)}' is none of {', '.join(allowed)}")
 
     def mode(self, **options):
-        """Also refuses a value that is none of an option's choices, and keeps the device's clock in step."""
+        """Also refuses a value that is none of an option's choices, and what cannot change in a running camera."""
         running = hasattr(self, "values")
-        if running and {"drift_ppm", "clock_offset"} & set(options):
-            raise Refused("the clock's drift and offset are given at the start")
+        fixed = sorted(set(options) & set(self.FIXED)) if running else []
+        if fixed:
+            raise Refused(f"{', '.join(fixed)}: given at the start, not later")
         before = {name: getattr(self, name) for name in options if name in self.OPTIONS}
         super().mode(**options)
         if running:

@@ -6,7 +6,7 @@ times the colour of the pixel's filter on a colour sensor. The value in 12 bits 
 
   floor(black + 4096 * light * exposure * gain), at most 4095, then 4095 * (value / 4095) ** gamma, rounded.
 
-Formats of fewer bits take its upper bits, Mono16 has it in its upper 12 bits. On top lie, in this order: the lamp, a
+A judge allows one count, for products that lie on a whole number. Formats of fewer bits take its upper bits, Mono16 has it in its upper 12 bits. On top lie, in this order: the lamp, a
 square that is dark but for the lamp's light; the dot, 8x8 at full scale, which crosses the sensor once in `dot_period`
 of device time; and the strip, in the picture's first four rows, 32 cells of 4x4 pixels, black or full scale: the device
 time at the start of the exposure in microseconds, its lower 32 bits, highest bit first (pictures of 128x4 or more).

@@ -329,6 +329,9 @@ class FeatureTest(unittest.TestCase):
         with self.assertRaises(Refused):
             camera.mode(resend="never")
         self.assertEqual(camera.resend, "works")
+        for name in ("names", "drift_ppm", "sensor_width"):
+            with self.assertRaisesRegex(Refused, name):
+                camera.mode(**{name: getattr(camera, name)})
 
 
 class ClockTest(unittest.TestCase):
@@ -627,6 +630,12 @@ class SceneTest(unittest.TestCase):
             view = self.view("BayerRG12", (x, y, 16, 8))
             self.assertEqual("".join(view.filter(view.columns[c], view.rows[r]) for r in (0, 1) for c in (0, 1)), phase)
             self.assertEqual(view.true_format(), "Bayer" + phase[:2] + "12")
+        for name in ("BayerGR12", "BayerGB12", "BayerBG12", "BayerRG8"):
+            self.assertEqual(self.view(name).true_format(), name)
+        rows = self.picture(self.view("BayerGB12", (32, 2, 16, 2)))
+        level = 4096 * 0.5 / 48
+        for value, wanted in zip(rows[0][:2] + rows[1][:2], (2.5 * 0.6, 2.5 * 0.3, 3.5, 3.5 * 0.6)):  # G B, R G
+            self.assertAlmostEqual(value, level * wanted, delta=1)
         rows = self.picture(self.view("BayerRG12", (33, 2, 16, 2)))
         level = 4096 * 0.5 * 2.5 / 48
         self.assertEqual(rows[0][:2], [int(level * 0.6), int(level)])
@@ -738,6 +747,22 @@ class BenchTest(unittest.TestCase):
         self.assertEqual((rig.read(wire.CCP), rig.write(wire.CCP, 2)), (2, wire.ACCESS_DENIED))
         rig.now = 2.1
         self.assertEqual(rig.write(wire.CCP, 2), 0)
+
+
+class ServerArgumentsTest(unittest.TestCase):
+    def complaint(self, program, *arguments):
+        here = pathlib.Path(gige_serve.__file__).parent
+        done = subprocess.run([sys.executable, str(here / program), *arguments], stdin=subprocess.DEVNULL,
+                              capture_output=True, text=True, timeout=20, check=False)
+        self.assertEqual(done.returncode, 2)
+        return done.stderr
+
+    def test_what_is_wrong_is_named(self):
+        self.assertIn("'focus'", self.complaint("gige_serve.py", "--camera", "127.77.19.6,focus=1"))
+        self.assertIn("'x'", self.complaint("gige_serve.py", "--camera", "127.77.19.6", "--wire", "x"))
+        self.assertIn("203.0.113.9", self.complaint("gige_serve.py", "--camera", "203.0.113.9"))
+        self.assertIn("not four numbers", self.complaint("gige_serve.py", "--camera", "localhost"))
+        self.assertIn("gige_serve.py", self.complaint("serve.py", "gige_camera", "--tcp", "0"))
 
 
 class NetworkTest(unittest.TestCase):
