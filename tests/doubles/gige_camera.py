@@ -1,8 +1,9 @@
 """A GigE Vision camera: its registers, its clock, its exposures and its packets, without I/O. gige_serve.py puts it on
 the network; gige_wire.py has the packets' layouts, gige_features.py the features, gige_scene.py what the sensor sees.
 
-Time is in seconds of the host's monotonic clock, less an origin. Exposures happen at exactly computed times; the history
-tells each with its start and end in nanoseconds of CLOCK_MONOTONIC (`origin_ns` is added), so that a judge can compare.
+Time is in seconds of the host's monotonic clock, less an origin. Exposures happen at exactly computed times; the
+history tells each with its start and end in nanoseconds of CLOCK_MONOTONIC (`origin_ns` is added), so that a judge can
+compare.
 
 Sources, named by their letters at the lines below:
   WC, WS, ARV   as in gige_wire.py
@@ -84,13 +85,14 @@ class GigeCamera(Double):
         "ambient": 50.0,  # full scales a second at 0 dB at the ramp's bright end
         "strip": True, "dot_period": 1.0,  # of device time; 0: no dot
         "lamp_left": 448, "lamp_top": 96, "lamp_side": 32, "lamp_level": 25.0,  # full scales a second while it burns
-        "bayer_name": "sensor",  # or "picture": odd offsets change the format told in the leader; no source (F: phase shifts)
+        "bayer_name": "sensor",  # or "picture": odd offsets change the leader's format; no source (F: phase shifts)
         "auto_target": 0.4,  # the mean that automatic exposure and gain steer the ramp's bright end to
         # stream
         "mtu": 9000, "path_mtu": 0,  # largest packet size; packets over path_mtu vanish, 0: none do
         "wide_ids": False,  # 64-bit block ids
         "first_block": 1,  # F: fakes start at 65401 to meet the wrap
-        "restart_ids": "open",  # or "start": when block ids begin anew: when the stream is opened or at AcquisitionStart
+        # When block ids begin anew: when the stream is opened, or "start": at AcquisitionStart. no source but memory
+        "restart_ids": "open",
         "chunk_payload": "image",  # 0x4001; or "extended" 0x0005, "chunk" 0x0004 of GigE Vision 1
         "link_rate": 0.0,  # bits a second; 0: as fast as the host can
         "jitter": "none",  # or "uniform" 0 to jitter_time, "exponential" of that mean, "mostly": 90 % below 0.2 ms
@@ -393,7 +395,7 @@ class GigeCamera(Double):
             raise Refusal(wire.ACCESS_DENIED)
 
     def _read_registers(self, payload, peer, now):
-        """READREG: addresses; answered by their values up to the first that failed. WC: more than one if concatenated."""
+        """READREG: addresses; answered by their values up to the first that failed. WC: may be several."""
         values = b""
         if not payload or len(payload) % 4:
             return values, wire.INVALID_HEADER  # no source
@@ -833,7 +835,8 @@ class GigeCamera(Double):
     def _view(self):
         region = tuple(self.get(name) for name in ("OffsetX", "OffsetY", "Width", "Height"))
         flips = bool(self.get("ReverseX")), bool(self.get("ReverseY"))
-        return scene.View((self.sensor_width, self.sensor_height), region, scene.NUMBERS[self.get("PixelFormat")], flips)
+        sensor = self.sensor_width, self.sensor_height
+        return scene.View(sensor, region, scene.NUMBERS[self.get("PixelFormat")], flips)
 
     def _event_finish(self, now, frame):
         """The end of an exposure."""
@@ -878,8 +881,8 @@ class GigeCamera(Double):
         self._hunt = 1.03 if self._hunt < 1 else 0.97
         push = (self.auto_target / max(bright, 1e-6)) ** 0.5 * self._hunt
         if self.get("ExposureAuto"):
-            wanted = self.get("ExposureTime") * push
-            self.values["ExposureTime"][0] = min(max(round(wanted / self.exposure_step) * self.exposure_step, 20.0), 3e4)
+            wanted = round(self.get("ExposureTime") * push / self.exposure_step) * self.exposure_step
+            self.values["ExposureTime"][0] = min(max(wanted, 20.0), 3e4)
         elif self.get("GainAuto"):
             wanted = self.get("Gain") + 20 * math.log10(push)
             self.values["Gain"][0] = min(max(round(wanted, 2), 0.0), 24.0)

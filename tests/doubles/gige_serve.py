@@ -82,7 +82,8 @@ class Bench:
             if event == self.clock.next():
                 self._tick(event)
                 continue
-            min((each for each in self.cameras if each.next_event() is not None), key=GigeCamera.next_event).advance(event)
+            busy = [each for each in self.cameras if each.next_event() is not None]
+            min(busy, key=GigeCamera.next_event).advance(event)
         for camera in self.cameras:
             camera.advance(now)
 

@@ -143,8 +143,8 @@ class ControlTest(unittest.TestCase):
 
     def test_what_is_no_command_is_not_answered(self):
         camera = GigeCamera()
-        for packet in (b"", b"\x42\x01", bytes.fromhex("00000080 0004 1234 00000938"), bytes.fromhex("42010080 0008 1234 0938")):
-            camera.receive(packet, HOST, 0.0)
+        for packet in ("", "4201", "00000080 0004 1234 00000938", "42010080 0008 1234 0938"):
+            camera.receive(bytes.fromhex(packet), HOST, 0.0)
         self.assertEqual(camera.say(1.0), [])
 
     def test_statuses(self):
@@ -237,7 +237,8 @@ class FeatureTest(unittest.TestCase):
             with self.subTest(options):
                 camera = GigeCamera(**options)
                 root = tree.fromstring(camera.xml)
-                nodes = {each.get("Name") for each in root.iter() if each.tag.split("}")[1] not in ("EnumEntry", "pVariable")}
+                nodes = {each.get("Name") for each in root.iter()
+                         if each.tag.split("}")[1] not in ("EnumEntry", "pVariable")}
                 for each in root.iter():
                     tag = each.tag.split("}")[1]
                     if re.fullmatch("p[A-Z].*", tag):
@@ -504,7 +505,8 @@ class StreamTest(unittest.TestCase):
             self.assertEqual(len(payload), size)
             self.assertEqual(struct.unpack_from(">HH", found[wire.LEADER][0]), (0, kind))
             self.assertEqual(len(found[wire.LEADER][0]), 12 if option == "chunk" else 36)
-            self.assertEqual((len(found[wire.TRAILER][0]), struct.unpack_from(">HH", found[wire.TRAILER][0])), (tail, (0, kind)))
+            end = found[wire.TRAILER][0]
+            self.assertEqual((len(end), struct.unpack_from(">HH", end)), (tail, (0, kind)))
             read = {}
             while payload:
                 number, length = struct.unpack(">II", payload[-8:])
@@ -532,7 +534,8 @@ class TriggerTest(unittest.TestCase):
         rig.run(1.5)
         self.assertEqual((rig.camera.exposures, rig.camera.triggers_ignored), (1, 1))
         frame = rig.told("frame")[0]
-        self.assertEqual((frame["start_ns"], frame["end_ns"], frame["cause"]), (1_000_000_000, 1_005_000_000, "Software"))
+        times = frame["start_ns"], frame["end_ns"]
+        self.assertEqual((*times, frame["cause"]), (1_000_000_000, 1_005_000_000, "Software"))
 
     def test_delay_and_the_wrong_source(self):
         rig = self.armed("Line1")
