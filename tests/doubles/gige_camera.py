@@ -637,6 +637,8 @@ class GigeCamera(Double):
                 return
             raise Refusal(wire.WRITE_PROTECT)  # no source: which status a locked feature gives
         value = self._checked(feature, value)
+        if feature.name in ("LineMode", "LineSource") and slot == 0 and value != 0:
+            raise Refusal(wire.INVALID_PARAMETER)  # Line1 is an input and nothing else
         self._take(feature.name, slot, value, now)
 
     def _checked(self, feature, value):

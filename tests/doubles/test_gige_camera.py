@@ -220,6 +220,11 @@ class ControlTest(unittest.TestCase):
         self.assertEqual(camera.say(0.5), [(bytes.fromhex("00000089 0004 0007 0000 044c"), HOST)])
         self.assertEqual(camera.say(1.0)[0][0].hex(), "00000081000400070002" + "0000")
 
+    def test_control_packets_may_be_lost_and_ask_again(self):
+        rig = Rig(control_loss=0.3, seed=2)
+        answers = [rig.ask(wire.READ_REGISTER, struct.pack(">I", wire.HEARTBEAT)) for _ in range(200)]
+        self.assertAlmostEqual(sum(each is None for each in answers) / 200, 1 - 0.7 * 0.7, delta=0.1)
+
     def test_test_packets_have_the_size_that_is_asked_for(self):
         rig = Rig(path_mtu=4000).control()
         for size, come in ((1400, 1), (3996, 1), (8192, 0)):
@@ -286,6 +291,26 @@ class FeatureTest(unittest.TestCase):
         rig.run(2.0)
         times = [each["exposure_us"] for each in rig.told("frame")]
         self.assertEqual(len(set(times[-20:])), 1)
+
+    def test_automatic_white_balance_moves_the_colours(self):
+        rig = Rig(color=True).manual()
+        self.assertEqual(rig.put("BalanceRatio", 2.0, 2), wire.WRITE_PROTECT)
+        rig.put("AcquisitionStart", 1)
+        rig.run(0.5)
+        self.assertAlmostEqual(rig.get("BalanceRatio", 2), 2.0, delta=0.1)  # blue is half of green in the scene
+        rig.put("BalanceWhiteAuto", "Off")
+        self.assertEqual((rig.put("BalanceRatio", 1.5, 2), rig.get("BalanceRatio", 2)), (0, 1.5))
+        self.assertNotIn("BalanceWhiteAuto", GigeCamera().features_by_name)
+
+    def test_lines(self):
+        rig = Rig().control()
+        self.assertEqual(rig.put("LineMode", "Output", 0), wire.INVALID_PARAMETER)
+        rig.put("LineSource", "UserOutput0", 1)
+        rig.put("UserOutputValue", 1)
+        self.assertEqual((rig.get("LineStatus", 1), rig.get("LineStatusAll")), (1, 2))
+        rig.put("LineInverter", 1, 1)
+        rig.camera.line(True, 0.0)
+        self.assertEqual(rig.get("LineStatusAll"), 1)
 
     def test_once_ends_by_itself(self):
         rig = Rig().control()
@@ -479,6 +504,14 @@ class StreamTest(unittest.TestCase):
             self.assertGreater(len(delays), 390)
             self.assertGreaterEqual(min(delays), -1)
             self.assertAlmostEqual(sum(delays) / len(delays) * 1e-9, mean, delta=mean / 4)
+
+    def test_a_link_takes_its_time(self):
+        rig = Rig(link_rate=1e8).manual()
+        rig.put("AcquisitionMode", "SingleFrame")
+        rig.put("AcquisitionStart", 1)
+        rig.run(1.0, 0.0005)
+        sent = rig.told("sent")[0]
+        self.assertAlmostEqual((sent["last_ns"] - sent["due_ns"]) * 1e-9, 228 * 1400 * 8 / 1e8, delta=0.001)
 
     def test_packet_delay_in_ticks(self):
         rig = Rig().manual()
