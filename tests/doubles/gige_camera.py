@@ -1,8 +1,9 @@
 """A GigE Vision camera: its registers, its clock, its exposures and its packets, without I/O. gige_serve.py puts it on
 the network; gige_wire.py has the packets' layouts, gige_features.py the features, gige_scene.py what the sensor sees.
 
-Time is in seconds of the host's monotonic clock, less an origin. Exposures happen at exactly computed times; the history
-tells each with its start and end in nanoseconds of CLOCK_MONOTONIC (`origin_ns` is added), so that a judge can compare.
+Time is in seconds of the host's monotonic clock, less an origin. Exposures happen at exactly computed times; the
+history tells each with its start and end in nanoseconds of CLOCK_MONOTONIC (`origin_ns` is added), so that a judge can
+compare.
 
 Sources, named by their letters at the lines below:
   WC, WS, ARV   as in gige_wire.py
@@ -84,13 +85,14 @@ class GigeCamera(Double):
         "ambient": 50.0,  # full scales a second at 0 dB at the ramp's bright end
         "strip": True, "dot_period": 1.0,  # of device time; 0: no dot
         "lamp_left": 448, "lamp_top": 96, "lamp_side": 32, "lamp_level": 25.0,  # full scales a second while it burns
-        "bayer_name": "sensor",  # or "picture": odd offsets change the format told in the leader; no source (F: phase shifts)
+        "bayer_name": "sensor",  # or "picture": odd offsets change the leader's format; no source (F: phase shifts)
         "auto_target": 0.4,  # the mean that automatic exposure and gain steer the ramp's bright end to
         # stream
         "mtu": 9000, "path_mtu": 0,  # largest packet size; packets over path_mtu vanish, 0: none do
         "wide_ids": False,  # 64-bit block ids
         "first_block": 1,  # F: fakes start at 65401 to meet the wrap
-        "restart_ids": "open",  # or "start": when block ids begin anew: when the stream is opened or at AcquisitionStart
+        # When block ids begin anew: when the stream is opened, or "start": at AcquisitionStart. no source but memory
+        "restart_ids": "open",
         "chunk_payload": "image",  # 0x4001; or "extended" 0x0005, "chunk" 0x0004 of GigE Vision 1
         "link_rate": 0.0,  # bits a second; 0: as fast as the host can
         "jitter": "none",  # or "uniform" 0 to jitter_time, "exponential" of that mean, "mostly": 90 % below 0.2 ms
@@ -104,6 +106,9 @@ class GigeCamera(Double):
         "discovery": True,  # answers discovery
         "control_loss": 0.0,  # ratio of control packets that vanish, commands and answers alike
     }
+    # Options that stand in the camera's text or clock.
+    FIXED = ("address", "vendor", "model", "serial", "sensor_width", "sensor_height", "color", "width_step",
+             "height_step", "offset_step", "names", "mtu", "tick_frequency", "drift_ppm", "clock_offset")
     STATE = (
         "acquiring", "controller", "exposures", "triggers", "triggers_ignored", "frames_sent", "frames_lost",
         "packets_sent", "packets_lost", "resend_requests", "packets_resent", "refusals", "commands", "unplugged",
@@ -139,10 +144,11 @@ class GigeCamera(Double):
                 raise Refused(f"{name}: '{getattr(self, name)}' is none of {', '.join(allowed)}")
 
     def mode(self, **options):
-        """Also refuses a value that is none of an option's choices, and keeps the device's clock in step."""
+        """Also refuses a value that is none of an option's choices, and what cannot change in a running camera."""
         running = hasattr(self, "values")
-        if running and {"drift_ppm", "clock_offset"} & set(options):
-            raise Refused("the clock's drift and offset are given at the start")
+        fixed = sorted(set(options) & set(self.FIXED)) if running else []
+        if fixed:
+            raise Refused(f"{', '.join(fixed)}: given at the start, not later")
         before = {name: getattr(self, name) for name in options if name in self.OPTIONS}
         super().mode(**options)
         if running:
@@ -389,7 +395,7 @@ class GigeCamera(Double):
             raise Refusal(wire.ACCESS_DENIED)
 
     def _read_registers(self, payload, peer, now):
-        """READREG: addresses; answered by their values up to the first that failed. WC: more than one if concatenated."""
+        """READREG: addresses; answered by their values up to the first that failed. WC: may be several."""
         values = b""
         if not payload or len(payload) % 4:
             return values, wire.INVALID_HEADER  # no source
@@ -631,6 +637,8 @@ class GigeCamera(Double):
                 return
             raise Refusal(wire.WRITE_PROTECT)  # no source: which status a locked feature gives
         value = self._checked(feature, value)
+        if feature.name in ("LineMode", "LineSource") and slot == 0 and value != 0:
+            raise Refusal(wire.INVALID_PARAMETER)  # Line1 is an input and nothing else
         self._take(feature.name, slot, value, now)
 
     def _checked(self, feature, value):
@@ -829,7 +837,8 @@ class GigeCamera(Double):
     def _view(self):
         region = tuple(self.get(name) for name in ("OffsetX", "OffsetY", "Width", "Height"))
         flips = bool(self.get("ReverseX")), bool(self.get("ReverseY"))
-        return scene.View((self.sensor_width, self.sensor_height), region, scene.NUMBERS[self.get("PixelFormat")], flips)
+        sensor = self.sensor_width, self.sensor_height
+        return scene.View(sensor, region, scene.NUMBERS[self.get("PixelFormat")], flips)
 
     def _event_finish(self, now, frame):
         """The end of an exposure."""
@@ -874,8 +883,8 @@ class GigeCamera(Double):
         self._hunt = 1.03 if self._hunt < 1 else 0.97
         push = (self.auto_target / max(bright, 1e-6)) ** 0.5 * self._hunt
         if self.get("ExposureAuto"):
-            wanted = self.get("ExposureTime") * push
-            self.values["ExposureTime"][0] = min(max(round(wanted / self.exposure_step) * self.exposure_step, 20.0), 3e4)
+            wanted = round(self.get("ExposureTime") * push / self.exposure_step) * self.exposure_step
+            self.values["ExposureTime"][0] = min(max(wanted, 20.0), 3e4)
         elif self.get("GainAuto"):
             wanted = self.get("Gain") + 20 * math.log10(push)
             self.values["Gain"][0] = min(max(round(wanted, 2), 0.0), 24.0)

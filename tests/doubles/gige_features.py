@@ -19,7 +19,7 @@ class Feature:
 
     least, most, step: fixed limits; span: (least, most) as formulas of other features; entries: name -> value;
     per: the name of the selector; slots: how many it selects; age: "new", "old" or "" (both); still: refused while
-    the camera acquires; auto: the name of the enumeration that locks it when it is not Off; lasting: part of a user set.
+    the camera acquires; auto: the enumeration that locks it when it is not Off; lasting: part of a user set.
     """
 
     def __init__(self, name, kind, value=0, **more):
@@ -58,7 +58,8 @@ CHUNKS = {  # name: (id, length); no source: ids are each maker's own
 }
 CHUNK_IMAGE = 0x00000A00
 SETS = ("Default", "UserSet1")
-PTP_STATES = ("Initializing", "Faulty", "Disabled", "Listening", "PreMaster", "Master", "Passive", "Uncalibrated", "Slave")
+PTP_STATES = ("Initializing", "Faulty", "Disabled", "Listening", "PreMaster", "Master", "Passive", "Uncalibrated",
+              "Slave")
 
 
 def table(camera):
@@ -132,7 +133,8 @@ def _acquisition():
         Feature("AcquisitionFrameRateEnable", "bool", 0),
         Feature("AcquisitionFrameRateMax", "float", access="RO", unit="Hz"),
         Feature("AcquisitionFrameRate", "float", 30.0, span=("0.1", "AcquisitionFrameRateMax"), unit="Hz", age="new"),
-        Feature("AcquisitionFrameRateAbs", "float", 30.0, span=("0.1", "AcquisitionFrameRateMax"), unit="Hz", age="old"),
+        Feature("AcquisitionFrameRateAbs", "float", 30.0, span=("0.1", "AcquisitionFrameRateMax"), unit="Hz",
+                age="old"),
         Feature("ResultingFrameRate", "float", access="RO", unit="Hz"),
         switch("ExposureMode", "Timed", first=1, value=1),
         Feature("ExposureTime", "float", 5000.0, least=20.0, most=1e6, unit="us", auto="ExposureAuto", age="new"),
@@ -185,7 +187,8 @@ def _lines():
 def _transport(camera):
     return [
         Feature("PayloadSize", "int", access="RO"),
-        Feature("GevSCPSPacketSize", "int", address=0xD04, least=576, most=camera.mtu, step=4, still=True, lasting=False),
+        Feature("GevSCPSPacketSize", "int", address=0xD04, least=576, most=camera.mtu, step=4, still=True,
+                lasting=False),
         Feature("GevSCPSFireTestPacket", "command", address=0xD04, access="RW", lasting=False),
         Feature("GevSCPD", "int", address=0xD08, least=0, most=10_000_000, lasting=False),
         Feature("GevHeartbeatTimeout", "int", address=0x938, least=500, most=10000, unit="ms", lasting=False),

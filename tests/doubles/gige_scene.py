@@ -6,10 +6,11 @@ times the colour of the pixel's filter on a colour sensor. The value in 12 bits 
 
   floor(black + 4096 * light * exposure * gain), at most 4095, then 4095 * (value / 4095) ** gamma, rounded.
 
-Formats of fewer bits take its upper bits, Mono16 has it in its upper 12 bits. On top lie, in this order: the lamp, a
-square that is dark but for the lamp's light; the dot, 8x8 at full scale, which crosses the sensor once in `dot_period`
-of device time; and the strip, in the picture's first four rows, 32 cells of 4x4 pixels, black or full scale: the device
-time at the start of the exposure in microseconds, its lower 32 bits, highest bit first (pictures of 128x4 or more).
+A judge allows one count, for products that lie on a whole number. Formats of fewer bits take its upper bits, Mono16
+has it in its upper 12 bits. On top lie, in this order: the lamp, a square that is dark but for the lamp's light; the
+dot, 8x8 at full scale, which crosses the sensor once in `dot_period` of device time; and the strip, in the picture's
+first four rows, 32 cells of 4x4 pixels, black or full scale: the device time at the start of the exposure in
+microseconds, its lower 32 bits, highest bit first (pictures of 128x4 or more).
 
 Sources:
   PFNC  pixel format numbers: Aravis src/arvenums.h and Wireshark packet-gvsp.c
@@ -166,7 +167,7 @@ class Painter:
         self._ramps = {}
 
     def picture(self, view, look, lamp, dot, strip):
-        """One picture's bytes. lamp: None or (left, top, side, fraction); dot: None or (left, top); strip: None or int."""
+        """One picture's bytes. lamp: (left, top, side, fraction); dot: (left, top); strip: a number; each or None."""
         key = (view.key(), look.key(), lamp and lamp[:3])
         if key != self._key:
             self._key, self._ramps = key, {}

@@ -11,6 +11,7 @@ SPDX-License-Identifier: Apache-2.0
 import argparse
 import json
 import os
+import re
 import select
 import signal
 import socket
@@ -81,7 +82,8 @@ class Bench:
             if event == self.clock.next():
                 self._tick(event)
                 continue
-            min((each for each in self.cameras if each.next_event() is not None), key=GigeCamera.next_event).advance(event)
+            busy = [each for each in self.cameras if each.next_event() is not None]
+            min(busy, key=GigeCamera.next_event).advance(event)
         for camera in self.cameras:
             camera.advance(now)
 
@@ -164,7 +166,10 @@ def udp(address, port):
     made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 << 20)
     if address == BROADCAST:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    made.bind((address, port))
+    try:
+        made.bind((address, port))
+    except OSError as error:
+        raise Refused(f"{address}:{port}: {error.strerror}") from error
     made.setblocking(False)
     return made
 
@@ -247,6 +252,8 @@ def loop(bench, network, orders, seconds):
 def make(text, common):
     """A camera from ADDRESS,k=v,..."""
     address, *options = text.split(",")
+    if not re.fullmatch(r"\d+\.\d+\.\d+\.\d+", address):
+        raise Refused(f"camera '{address}': an address is not four numbers")
     pairs = {"address": address, "serial": f"D{int(address.rsplit('.', 1)[-1]):04d}"}
     for option in common + options:
         name, mark, value = option.partition("=")
@@ -277,12 +284,9 @@ def main():
         bench = Bench(cameras, time.monotonic_ns())
         for each in given.wire:
             bench.wire(each)
-    except (Refused, ValueError) as error:
-        parser.error(str(error))
-    try:
         network = Network(cameras, log)
-    except OSError as error:
-        parser.error(f"port {wire.PORT} of {', '.join(each.address for each in cameras)}: {error}")
+    except Refused as error:
+        parser.error(str(error))
     bench.clock = Clock(given.clock, 0.0)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     print(" ".join(each.address for each in cameras), flush=True)

@@ -143,8 +143,8 @@ class ControlTest(unittest.TestCase):
 
     def test_what_is_no_command_is_not_answered(self):
         camera = GigeCamera()
-        for packet in (b"", b"\x42\x01", bytes.fromhex("00000080 0004 1234 00000938"), bytes.fromhex("42010080 0008 1234 0938")):
-            camera.receive(packet, HOST, 0.0)
+        for packet in ("", "4201", "00000080 0004 1234 00000938", "42010080 0008 1234 0938"):
+            camera.receive(bytes.fromhex(packet), HOST, 0.0)
         self.assertEqual(camera.say(1.0), [])
 
     def test_statuses(self):
@@ -220,6 +220,11 @@ class ControlTest(unittest.TestCase):
         self.assertEqual(camera.say(0.5), [(bytes.fromhex("00000089 0004 0007 0000 044c"), HOST)])
         self.assertEqual(camera.say(1.0)[0][0].hex(), "00000081000400070002" + "0000")
 
+    def test_control_packets_may_be_lost_and_ask_again(self):
+        rig = Rig(control_loss=0.3, seed=2)
+        answers = [rig.ask(wire.READ_REGISTER, struct.pack(">I", wire.HEARTBEAT)) for _ in range(200)]
+        self.assertAlmostEqual(sum(each is None for each in answers) / 200, 1 - 0.7 * 0.7, delta=0.1)
+
     def test_test_packets_have_the_size_that_is_asked_for(self):
         rig = Rig(path_mtu=4000).control()
         for size, come in ((1400, 1), (3996, 1), (8192, 0)):
@@ -237,7 +242,8 @@ class FeatureTest(unittest.TestCase):
             with self.subTest(options):
                 camera = GigeCamera(**options)
                 root = tree.fromstring(camera.xml)
-                nodes = {each.get("Name") for each in root.iter() if each.tag.split("}")[1] not in ("EnumEntry", "pVariable")}
+                nodes = {each.get("Name") for each in root.iter()
+                         if each.tag.split("}")[1] not in ("EnumEntry", "pVariable")}
                 for each in root.iter():
                     tag = each.tag.split("}")[1]
                     if re.fullmatch("p[A-Z].*", tag):
@@ -286,6 +292,26 @@ class FeatureTest(unittest.TestCase):
         times = [each["exposure_us"] for each in rig.told("frame")]
         self.assertEqual(len(set(times[-20:])), 1)
 
+    def test_automatic_white_balance_moves_the_colours(self):
+        rig = Rig(color=True).manual()
+        self.assertEqual(rig.put("BalanceRatio", 2.0, 2), wire.WRITE_PROTECT)
+        rig.put("AcquisitionStart", 1)
+        rig.run(0.5)
+        self.assertAlmostEqual(rig.get("BalanceRatio", 2), 2.0, delta=0.1)  # blue is half of green in the scene
+        rig.put("BalanceWhiteAuto", "Off")
+        self.assertEqual((rig.put("BalanceRatio", 1.5, 2), rig.get("BalanceRatio", 2)), (0, 1.5))
+        self.assertNotIn("BalanceWhiteAuto", GigeCamera().features_by_name)
+
+    def test_lines(self):
+        rig = Rig().control()
+        self.assertEqual(rig.put("LineMode", "Output", 0), wire.INVALID_PARAMETER)
+        rig.put("LineSource", "UserOutput0", 1)
+        rig.put("UserOutputValue", 1)
+        self.assertEqual((rig.get("LineStatus", 1), rig.get("LineStatusAll")), (1, 2))
+        rig.put("LineInverter", 1, 1)
+        rig.camera.line(True, 0.0)
+        self.assertEqual(rig.get("LineStatusAll"), 1)
+
     def test_once_ends_by_itself(self):
         rig = Rig().control()
         rig.put("ExposureAuto", "Once")
@@ -329,6 +355,9 @@ class FeatureTest(unittest.TestCase):
         with self.assertRaises(Refused):
             camera.mode(resend="never")
         self.assertEqual(camera.resend, "works")
+        for name in ("names", "drift_ppm", "sensor_width"):
+            with self.assertRaisesRegex(Refused, name):
+                camera.mode(**{name: getattr(camera, name)})
 
 
 class ClockTest(unittest.TestCase):
@@ -476,6 +505,14 @@ class StreamTest(unittest.TestCase):
             self.assertGreaterEqual(min(delays), -1)
             self.assertAlmostEqual(sum(delays) / len(delays) * 1e-9, mean, delta=mean / 4)
 
+    def test_a_link_takes_its_time(self):
+        rig = Rig(link_rate=1e8).manual()
+        rig.put("AcquisitionMode", "SingleFrame")
+        rig.put("AcquisitionStart", 1)
+        rig.run(1.0, 0.0005)
+        sent = rig.told("sent")[0]
+        self.assertAlmostEqual((sent["last_ns"] - sent["due_ns"]) * 1e-9, 228 * 1400 * 8 / 1e8, delta=0.001)
+
     def test_packet_delay_in_ticks(self):
         rig = Rig().manual()
         rig.put("Height", 22)  # 14080 bytes: 11 packets and two
@@ -501,7 +538,8 @@ class StreamTest(unittest.TestCase):
             self.assertEqual(len(payload), size)
             self.assertEqual(struct.unpack_from(">HH", found[wire.LEADER][0]), (0, kind))
             self.assertEqual(len(found[wire.LEADER][0]), 12 if option == "chunk" else 36)
-            self.assertEqual((len(found[wire.TRAILER][0]), struct.unpack_from(">HH", found[wire.TRAILER][0])), (tail, (0, kind)))
+            end = found[wire.TRAILER][0]
+            self.assertEqual((len(end), struct.unpack_from(">HH", end)), (tail, (0, kind)))
             read = {}
             while payload:
                 number, length = struct.unpack(">II", payload[-8:])
@@ -529,7 +567,8 @@ class TriggerTest(unittest.TestCase):
         rig.run(1.5)
         self.assertEqual((rig.camera.exposures, rig.camera.triggers_ignored), (1, 1))
         frame = rig.told("frame")[0]
-        self.assertEqual((frame["start_ns"], frame["end_ns"], frame["cause"]), (1_000_000_000, 1_005_000_000, "Software"))
+        times = frame["start_ns"], frame["end_ns"]
+        self.assertEqual((*times, frame["cause"]), (1_000_000_000, 1_005_000_000, "Software"))
 
     def test_delay_and_the_wrong_source(self):
         rig = self.armed("Line1")
@@ -627,6 +666,12 @@ class SceneTest(unittest.TestCase):
             view = self.view("BayerRG12", (x, y, 16, 8))
             self.assertEqual("".join(view.filter(view.columns[c], view.rows[r]) for r in (0, 1) for c in (0, 1)), phase)
             self.assertEqual(view.true_format(), "Bayer" + phase[:2] + "12")
+        for name in ("BayerGR12", "BayerGB12", "BayerBG12", "BayerRG8"):
+            self.assertEqual(self.view(name).true_format(), name)
+        rows = self.picture(self.view("BayerGB12", (32, 2, 16, 2)))
+        level = 4096 * 0.5 / 48
+        for value, wanted in zip(rows[0][:2] + rows[1][:2], (2.5 * 0.6, 2.5 * 0.3, 3.5, 3.5 * 0.6)):  # G B, R G
+            self.assertAlmostEqual(value, level * wanted, delta=1)
         rows = self.picture(self.view("BayerRG12", (33, 2, 16, 2)))
         level = 4096 * 0.5 * 2.5 / 48
         self.assertEqual(rows[0][:2], [int(level * 0.6), int(level)])
@@ -738,6 +783,22 @@ class BenchTest(unittest.TestCase):
         self.assertEqual((rig.read(wire.CCP), rig.write(wire.CCP, 2)), (2, wire.ACCESS_DENIED))
         rig.now = 2.1
         self.assertEqual(rig.write(wire.CCP, 2), 0)
+
+
+class ServerArgumentsTest(unittest.TestCase):
+    def complaint(self, program, *arguments):
+        here = pathlib.Path(gige_serve.__file__).parent
+        done = subprocess.run([sys.executable, str(here / program), *arguments], stdin=subprocess.DEVNULL,
+                              capture_output=True, text=True, timeout=20, check=False)
+        self.assertEqual(done.returncode, 2)
+        return done.stderr
+
+    def test_what_is_wrong_is_named(self):
+        self.assertIn("'focus'", self.complaint("gige_serve.py", "--camera", "127.77.19.6,focus=1"))
+        self.assertIn("'x'", self.complaint("gige_serve.py", "--camera", "127.77.19.6", "--wire", "x"))
+        self.assertIn("203.0.113.9", self.complaint("gige_serve.py", "--camera", "203.0.113.9"))
+        self.assertIn("not four numbers", self.complaint("gige_serve.py", "--camera", "localhost"))
+        self.assertIn("gige_serve.py", self.complaint("serve.py", "gige_camera", "--tcp", "0"))
 
 
 class NetworkTest(unittest.TestCase):

@@ -2,8 +2,9 @@
 """Lets Aravis 0.8 judge the double of a GigE Vision camera, and prints what it measured.
 
 Not part of ctest: it takes half a minute. It needs arv-tool-0.8 and arv-camera-test-0.8 (Debian: aravis-tools-cli,
-aravis-tools), and for all but the first two trials Debian's own Python with python3-gi and gir1.2-aravis-0.8. It runs in
-a network namespace of its own (unshare), so that it meets no other camera. Ends with 1 if something was not as it should.
+aravis-tools), and for all but the first two trials Debian's own Python with python3-gi and gir1.2-aravis-0.8. It runs
+in a network namespace of its own (unshare), so that it meets no other camera. Ends with 1 if something was not as it
+should be. Arguments: names of trials (tool, stream_program, truth, latch, formats, ...); without any, all.
 SPDX-License-Identifier: Apache-2.0
 """
 
@@ -72,7 +73,8 @@ def try_tool():
     """Lists, reads, writes; limits are refused; the old names are there."""
     with Served("--camera", "127.0.0.1", "--camera", "127.0.0.2,names=old,color=1"):
         listed = run("arv-tool-0.8")
-        check("both are listed without aliases of the interface", "D0001 (127.0.0.1)" in listed and "D0002 (127.0.0.2)" in listed)
+        both = "D0001 (127.0.0.1)" in listed and "D0002 (127.0.0.2)" in listed
+        check("both are listed without aliases of the interface", both)
         told = run("arv-tool-0.8", "-n", FIRST, "control", "Width=320", "OffsetX=101", "OffsetX", "Width")
         check("a region is set", "OffsetX = 101 min:0 max:320" in told and "Width = 320 min:4 max:539" in told)
         told = run("arv-tool-0.8", "-n", FIRST, "control", "OffsetX=321", "Width=99999", "Width=322")
@@ -81,7 +83,8 @@ def try_tool():
         check("an exposure under automatic control is refused", "write-protect" in told)
         told = run("arv-tool-0.8", "-n", SECOND, "control", "GainAuto=Off", "GainRaw=105", "GainRaw", "ExposureTimeAbs")
         check("old names", "GainRaw = 105" in told and "ExposureTimeAbs = 5000" in told)
-        check("new names are not there then", "not found" in run("arv-tool-0.8", "-n", SECOND, "control", "ExposureTime"))
+        told = run("arv-tool-0.8", "-n", SECOND, "control", "ExposureTime")
+        check("new names are not there then", "not found" in told)
 
 
 def try_stream_program():
@@ -169,7 +172,7 @@ class Host:
         self.stream = self.camera = self.device = None
 
 
-def strip_of(data, packing="8", width=640):
+def strip_of(data):
     """The number in a Mono8 picture's strip."""
     return int("".join("1" if data[at * 4] > 127 else "0" for at in range(32)), 2)
 
@@ -186,9 +189,27 @@ def try_truth():
         check("60 pictures, all whole", len(taken) == 60 and all(each["good"] for each in taken))
         stamps = [abs(each["stamp"] - frames[each["id"]]["ticks"] * 8) for each in taken]
         check("Aravis' stamps are the camera's ticks of 8 ns", max(stamps) == 0, f"{max(stamps)} ns off")
-        check("the strip in each picture is its own", all(strip_of(each["data"]) == frames[each["id"]]["strip"] for each in taken))
+        own = all(strip_of(each["data"]) == frames[each["id"]]["strip"] for each in taken)
+        check("the strip in each picture is its own", own)
         period = [frames[b]["start_ns"] - frames[a]["start_ns"] for a, b in zip(list(frames), list(frames)[1:])]
         check("exposures come each 20 ms", max(abs(each - 20_000_000) for each in period) < 2000)
+
+
+def try_latch():
+    """Latched stamps against the truth, by the exchange with the shortest way."""
+    with Served("--option", "drift_ppm=50") as served:
+        host, exchanges = Host(), []
+        for _ in range(50):
+            before = time.monotonic_ns()
+            host.device.execute_command("TimestampLatch")
+            after = time.monotonic_ns()
+            value = host.device.get_integer_feature_value("TimestampLatchValue")
+            exchanges.append((after - before, (before + after) // 2, value))
+        trip, middle, value = min(exchanges)
+        truth = {round(each["ticks"] * 8): each["at_ns"] for _, name, each in served.order(history=True)["history"]
+                 if name == "latch"}
+        check("a latched stamp lies within its exchange", abs(truth[value] - middle) <= trip / 2,
+              f"{trip / 1000:.0f} us to and fro, {abs(truth[value] - middle) / 1000:.0f} us off the middle")
 
 
 def unpack(data, packing):
@@ -197,7 +218,8 @@ def unpack(data, packing):
         values = struct.unpack(f"<{len(data) // 2}H", data)
         return [each << 2 if packing == "Mono10" else each >> 4 if packing == "Mono16" else each for each in values]
     if packing == "Mono12Packed":
-        return [value for a, b, c in zip(data[::3], data[1::3], data[2::3]) for value in (a << 4 | b & 15, c << 4 | b >> 4)]
+        threes = zip(data[::3], data[1::3], data[2::3])
+        return [value for a, b, c in threes for value in (a << 4 | b & 15, c << 4 | b >> 4)]
     width = 10 if packing == "Mono10p" else 12
     whole = int.from_bytes(data, "little")
     mask = (1 << width) - 1
@@ -217,7 +239,8 @@ def try_formats():
             row = unpack(taken[-1]["data"], name)[:640]
             wanted = [int(64 + 4096 * 0.5 * (x + 0.5) / 640) for x in range(640)]
             wanted = [each & ~3 for each in wanted] if "10" in name else wanted
-            check(f"{name} carries its low bits", row == wanted, f"{sum(a != b for a, b in zip(row, wanted))} of 640 differ")
+            off = sum(a != b for a, b in zip(row, wanted))
+            check(f"{name} carries its low bits", row == wanted, f"{off} of 640 differ")
 
 
 def try_loss():
@@ -282,7 +305,8 @@ def try_wire():
         second.close()
         a, b = served.frames(0), served.frames(1)
         skew = [b[y["id"]]["start_ns"] - a[x["id"]]["start_ns"] for x, y in pairs]
-        check("exposures by wire are in step", len(pairs) == 40 and max(map(abs, skew)) < 1000, f"{max(map(abs, skew))} ns")
+        worst = max(map(abs, skew), default=None)
+        check("exposures by wire are in step", len(pairs) == 40 and worst < 1000, f"{worst} ns")
 
 
 def try_bad_days():
@@ -300,7 +324,8 @@ def try_bad_days():
         served.order(power_cycle=True)
         check("after a loss of power no picture comes", not host.take(3, 1.5))
         state = served.order(get="state")
-        check("and the camera is as it was at first", state["features"]["ExposureAuto"] == 2 and state["controller"] is None)
+        fresh = state["features"]["ExposureAuto"] == 2 and state["controller"] is None
+        check("and the camera is as it was at first", fresh)
 
 
 def main():
@@ -311,7 +336,8 @@ def main():
         os.environ["VITREO_OWN_NET"] = "1"
         os.execvp("unshare", ["unshare", "-rn", "sh", "-c", 'ip link set lo up && exec "$@"', "sh",
                               sys.executable, str(HERE / "try_aravis.py"), *sys.argv[1:]])
-    trials = [try_tool, try_stream_program, try_truth, try_formats, try_loss, try_chunks, try_lamp, try_wire, try_bad_days]
+    trials = [try_tool, try_stream_program, try_truth, try_latch, try_formats, try_loss, try_chunks, try_lamp, try_wire,
+              try_bad_days]
     for trial in trials:
         if not sys.argv[1:] or trial.__name__[4:] in sys.argv[1:]:
             trial()
