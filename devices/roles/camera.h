@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace vitreo {
 
@@ -22,6 +24,10 @@ struct Frame {
   /// The instrument's own clock at the middle of the exposure, where it has one; `exposed` is its
   /// image on the host's.
   std::optional<Time> device{};
+  /// Of a gray camera of more than 8 bits the same image with all of them, CV_16UC1, right-aligned;
+  /// else empty. The record keeps this one.
+  cv::Mat deep{};
+  int bits = 8;              ///< that count of a pixel of `deep`, or of `image` where it is empty
 };
 
 struct CameraInfo {
@@ -31,6 +37,12 @@ struct CameraInfo {
   double frame_period = 0;  ///< s
   /// m of the observed plane (the aerial image for a microscope on the eye) per pixel.
   double effective_pixel = 0;
+  int bits = 8;  ///< that count of a pixel (Frame::bits)
+  /// px: where the image's first pixel is on the sensor.
+  int offset_x_px = 0;
+  int offset_y_px = 0;
+  /// What the camera itself said when it was opened, in its own names and units; for the record.
+  std::vector<std::pair<std::string, std::string>> settings{};
 };
 
 /// Counts of frames since the camera was opened.
@@ -49,6 +61,15 @@ class Camera {
   virtual Frame grab(Time timeout) = 0;
   /// All zero where frames cannot get lost.
   virtual CameraStatistics statistics() const { return {}; }
+
+  /// Settings by the names that the instrument gives them, as text in its units. Throw
+  /// DeviceError{refused} naming the feature where there is none, or it does not take the value, or
+  /// it decides what an image is and belongs to the rig file (its size, its format).
+  virtual std::string feature(const std::string& name);
+  /// Returns what the camera reads back; of a command, whose value is "", nothing.
+  virtual std::string set_feature(const std::string& name, const std::string& value);
+  /// One exposure, of a camera that waits for a trigger by software; else DeviceError{refused}.
+  virtual void trigger();
 };
 
 }  // namespace vitreo

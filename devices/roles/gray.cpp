@@ -9,13 +9,13 @@
 namespace vitreo {
 
 // Always a copy or a new image: a Frame's pixels belong to its receiver.
-cv::Mat in_gray(const cv::Mat& image) {
-  // Eight bits: 65535 = 257 * 255, so white stays white. convertTo() rounds and saturates.
+cv::Mat in_gray(const cv::Mat& image, int bits) {
+  // White stays white: 2^bits - 1 becomes 255. convertTo() rounds and saturates.
   cv::Mat eight;
   if (image.depth() == CV_8U)
     eight = image;
   else if (image.depth() == CV_16U)
-    image.convertTo(eight, CV_8U, 1. / 257);
+    image.convertTo(eight, CV_8U, 255. / ((1 << bits) - 1));
   else
     throw std::invalid_argument("neither 8 nor 16 bits per channel");
   if (eight.channels() == 1) return eight.clone();  // the caller may write to its image again
@@ -30,5 +30,7 @@ cv::Mat in_gray(const cv::Mat& image) {
     cv::transform(eight, gray, of_bgr);
   return gray;
 }
+
+cv::Mat as_gray(const cv::Mat& image) { return image.type() == CV_8UC1 ? image : in_gray(image); }
 
 }  // namespace vitreo

@@ -6,9 +6,12 @@
 
 namespace vitreo {
 
-/// 16-bit images are divided by 257, so that white stays white; of colors the luma (ITU-R BT.601,
-/// as everywhere in OpenCV), of BGRA without its alpha. A copy. Throws std::invalid_argument for
-/// other depths.
-cv::Mat in_gray(const cv::Mat& image);
+/// Of a 16-bit image the low `bits` count (1 to 16); their largest number becomes 255; of colors
+/// the luma (ITU-R BT.601, as everywhere in OpenCV), of BGRA without its alpha. A copy. Throws
+/// std::invalid_argument for other depths.
+cv::Mat in_gray(const cv::Mat& image, int bits = 16);
+
+/// The same image where it is 8-bit gray already, sharing its pixels; else in_gray().
+cv::Mat as_gray(const cv::Mat& image);
 
 }  // namespace vitreo

@@ -225,6 +225,17 @@ class ReopeningCamera final : public Camera {
                                      : counted_;
     return {before_.delivered + now.delivered, before_.lost + now.lost, before_.torn + now.torn};
   }
+  std::string feature(const std::string& name) override {
+    return held_.use(Gone::comes_back, [&](Camera& device) { return device.feature(name); });
+  }
+  // What a script has set is gone with the camera: a new opening has what the rig file says.
+  std::string set_feature(const std::string& name, const std::string& value) override {
+    return held_.use(Gone::comes_back,
+                     [&](Camera& device) { return device.set_feature(name, value); });
+  }
+  void trigger() override {
+    held_.use(Gone::comes_back, [](Camera& device) { device.trigger(); });
+  }
 
  private:
   /// What the former opening counted goes to the sums.

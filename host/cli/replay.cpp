@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/replay.h"
 
+#include "devices/roles/gray.h"
 #include "host/runs/run_reader.h"
 #include "host/servo/localizer.h"
 
@@ -109,12 +110,20 @@ class Player {
     if (next_ < learnings_.size() && row.exposed >= learnings_[next_].from && then == seen_.end())
       return learn(row);
     if (!localizer_ || then == seen_.end()) return;
-    const Observation observation = localizer_->look(read_frame(data_, row));
+    const Observation observation = localizer_->look(seen(row));
     result_.frames.push_back({row.number, row.exposed, then->second, observation.position});
   }
 
+  /// The image as the loop saw it: of the recorded bits eight, of color the luma.
+  cv::Mat seen(const FrameRow& row) const {
+    const auto camera =
+        std::find_if(data_.cameras.begin(), data_.cameras.end(),
+                     [&row](const RecordedCameraInfo& one) { return one.camera == row.camera; });
+    return in_gray(read_frame(data_, row), camera == data_.cameras.end() ? 16 : camera->bits);
+  }
+
   void learn(const FrameRow& row) {
-    background_.learn(read_frame(data_, row));
+    background_.learn(seen(row));
     ++result_.background_frames;
     if (background_.count() >= learnings_[next_].count) use_background();
   }

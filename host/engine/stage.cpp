@@ -135,6 +135,24 @@ RunStage open_stage(const RunRequest& request, const CheckedRequest& checked,
   return stage;
 }
 
+namespace {
+
+/// What the cameras said of themselves when they were opened: exposure, gain, format ...
+void record_cameras(const RunStage& stage) {
+  const Rig& rig = stage.rig->rig();
+  const auto record = [&stage](const char* role, const Camera* camera) {
+    if (camera == nullptr || camera->info().settings.empty()) return;
+    std::string text;
+    for (const auto& [name, value] : camera->info().settings)
+      text += (text.empty() ? "" : ", ") + name + " " + value;
+    stage.recorder->event(stage.clock->now(), "settings", std::string(role) + ": " + text);
+  };
+  record("top_camera", rig.top_camera);
+  record("side_camera", rig.side_camera);
+}
+
+}  // namespace
+
 void open_record(RunStage& stage, const RunRequest& request, const CheckedRequest& checked) {
   stage.recorder =
       std::make_unique<Recorder>(request.where.out, start_record(request, checked, stage),
@@ -142,6 +160,7 @@ void open_record(RunStage& stage, const RunRequest& request, const CheckedReques
   // The recorder (host/record) does not know the report (host/runs).
   stage.recorder->set_report([](const RunData& data) { return report_html(data); });
   if (stage.trace) stage.traced = {*stage.trace, *stage.recorder};
+  record_cameras(stage);
 }
 
 }  // namespace vitreo

@@ -22,6 +22,7 @@ nlohmann::json metadata_of(const RecordedCameraInfo& info, const Frame& frame,
       {"ElapsedTime-ms", static_cast<double>(frame.exposed.count()) * 1e-6},  // Micro-Manager's key
       {"DroppedBefore", dropped_before}};
   if (frame.device) json["Device-ns"] = frame.device->count();
+  json["BitDepth"] = frame.bits;  // Micro-Manager's key
   return json;
 }
 
@@ -53,9 +54,10 @@ void FrameStore::open(Stack& stack, const Frame& frame) {
 void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dropped_before) {
   Stack& stack = stacks_.at(camera);
   if (!stack.writer) open(stack, frame);
-  // A window into a larger image has gaps between its rows; file and CRC-32 are of the pixels
-  // without them.
-  const cv::Mat image = frame.image.isContinuous() ? frame.image : frame.image.clone();
+  // All bits that the camera gave. A window into a larger image has gaps between its rows; file and
+  // CRC-32 are of the pixels without them.
+  const cv::Mat& pixels = frame.deep.empty() ? frame.image : frame.deep;
+  const cv::Mat image = pixels.isContinuous() ? pixels : pixels.clone();
   const NdtiffEntry entry = stack.writer->write({{"time", stack.count}}, image,
                                                 metadata_of(stack.info, frame, dropped_before));
   ++stack.count;

@@ -251,12 +251,15 @@ void RecordFile::link(std::size_t number, const LinkRow& row) {
 
 void RecordFile::camera(const RecordedCameraInfo& info) {
   write([&] {
-    database_.prepare("INSERT OR IGNORE INTO camera VALUES(?,?,?,?,?)")
+    database_.prepare("INSERT OR IGNORE INTO camera VALUES(?,?,?,?,?,?,?,?)")
         .bind(1, info.camera)
         .bind(2, info.identity)
         .bind(3, std::int64_t{info.every})
         .bind(4, info.frame_period)
         .bind(5, info.effective_pixel)
+        .bind(6, std::int64_t{info.bits})
+        .bind(7, std::int64_t{info.offset_x_px})
+        .bind(8, std::int64_t{info.offset_y_px})
         .run();
   });
   commit();

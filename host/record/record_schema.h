@@ -4,8 +4,9 @@
 
 namespace vitreo {
 
-// SQLite's user_version; a change of the tables raises it. 3: the table result was called figure.
-inline constexpr int kRecordVersion = 3;
+// SQLite's user_version; a change of the tables raises it. 3: the table result was called figure;
+// 4: bits and offset of a camera.
+inline constexpr int kRecordVersion = 4;
 
 // Beside these each stream has a table of its own, sample_NAME (RecordFile::add_stream). Times are
 // ns of the run's clock. Nested data is JSON. A seed is text, for SQLite's integers end at 2^63
@@ -19,7 +20,8 @@ inline constexpr const char* kRecordSchema = R"(
   CREATE TABLE channel(stream INTEGER REFERENCES stream(id), position INTEGER, name TEXT,
                        unit TEXT);
   CREATE TABLE camera(name TEXT PRIMARY KEY, identity TEXT, every INTEGER, frame_period REAL,
-                      effective_pixel REAL);
+                      effective_pixel REAL, bits INTEGER, offset_x_px INTEGER,
+                      offset_y_px INTEGER);
   CREATE TABLE frame(seq INTEGER PRIMARY KEY, camera TEXT, number INTEGER, t_ns INTEGER,
                      t_received_ns INTEGER, t_device_ns INTEGER, file TEXT, offset INTEGER,
                      bytes INTEGER, width_px INTEGER, height_px INTEGER, pixel_type INTEGER,

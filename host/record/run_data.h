@@ -143,6 +143,9 @@ struct RecordedCameraInfo {
   int every = 1;               // each n-th frame is recorded
   double frame_period = 0;     // s
   double effective_pixel = 0;  // m of the observed plane
+  int bits = 8;                // that count of a pixel, the low ones
+  int offset_x_px = 0;         // of the image's first pixel on the sensor
+  int offset_y_px = 0;
 };
 
 /// What passed on an instrument's link (vitreo run --trace-links).

@@ -28,6 +28,7 @@ void describe(Json& row, Camera& camera) {
   row["limits"] = {{"width_px", info.width_px},
                    {"height_px", info.height_px},
                    {"frame_rate", 1 / info.frame_period}};
+  for (const auto& [name, value] : info.settings) row["settings"][name] = value;
 }
 void describe(Json& row, CoilAmplifier& coils) {
   row["identity"] = coils.identity();

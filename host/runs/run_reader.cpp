@@ -204,10 +204,13 @@ void read_links(Database& database, RunData& data) {
 
 void read_frames(Database& database, RunData& data) {
   rows_of(database,
-          "SELECT name, identity, every, frame_period, effective_pixel FROM camera ORDER BY rowid",
+          "SELECT name, identity, every, frame_period, effective_pixel, bits, offset_x_px, "
+          "offset_y_px FROM camera ORDER BY rowid",
           [&](const Statement& row) {
             data.cameras.push_back({row.text(0), row.text(1), static_cast<int>(row.integer(2)),
-                                    row.real(3), row.real(4)});
+                                    row.real(3), row.real(4), static_cast<int>(row.integer(5)),
+                                    static_cast<int>(row.integer(6)),
+                                    static_cast<int>(row.integer(7))});
           });
   rows_of(database,
           "SELECT camera, number, t_ns, t_received_ns, t_device_ns, file, offset, bytes, width_px, "

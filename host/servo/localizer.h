@@ -24,6 +24,7 @@ struct Observation {
   std::optional<Eigen::Vector3d> position;  // m, world; nothing when not seen or not localized
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // m^2
   double residual_px = 0;                                // of the pose against the ellipse
+  std::optional<double> pair_skew;  // s: the side camera's exposure less this one; nothing: alone
 };
 
 /// One camera, through the optics of the eye (thesis 5).

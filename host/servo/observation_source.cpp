@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/observation_source.h"
 
+#include "devices/roles/gray.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -93,7 +95,8 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_pose(Time 
   const Frame stamps{{}, reading.number, reading.exposed, reading.received};
   if (!validator_.plausible(stamps)) return std::nullopt;
   validator_.must_change(reading.position);
-  ObservedFrame found{stamps, {{}, validator_.finite(reading.position), reading.covariance, 0}};
+  ObservedFrame found{
+      stamps, {{}, validator_.finite(reading.position), reading.covariance, 0, std::nullopt}};
   if (rehearsed_ && found.observation.position)
     found.observation.ellipse = rehearsed_->ellipse_at(*found.observation.position);
   return found;
@@ -105,7 +108,7 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_camera(Tim
   ObservedFrame found{rig_.top_camera->grab(patience), {}};
   if (!validator_.plausible(found.frame)) return std::nullopt;
   validator_.must_change(found.frame.image);
-  found.observation = localizer_->look(found.frame.image);
+  found.observation = localizer_->look(as_gray(found.frame.image));
   found.observation.position = validator_.finite(found.observation.position);
   reject_implausible(found.observation);
   if (found.observation.position) *found.observation.position += offset_;
@@ -113,7 +116,10 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_camera(Tim
   if (feedback_ == Feedback::two_cameras && found.observation.position) {
     // Its frame may come a little later; without it this observation has one camera.
     const auto view = side_->at(found.frame.exposed, clock_.now() + from_seconds(period() / 2));
-    if (view) join_side(found.observation, *view);
+    if (view) {
+      join_side(found.observation, *view);
+      found.observation.pair_skew = to_seconds(view->skew);
+    }
     joined = view.has_value();
   }
   if (rig_.model.plain_view && !joined) found.observation.position.reset();  // without a depth

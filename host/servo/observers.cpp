@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/observers.h"
 
+#include "devices/roles/gray.h"
 #include "host/servo/simulated_side.h"
 #include "vision/blob_tracker.h"
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
+#include <utility>
 
 namespace vitreo {
 namespace {
 
 constexpr std::size_t kKept = 64;  // frames
+// Cameras with one trigger, and the mapping of their clocks.
+constexpr Time kInStep = std::chrono::milliseconds(1);
 
 /// The side view is orthographic (thesis 5.5): m = pixel * (image - center), covariance J C J'.
 SideObservation side_observation(const RigModel& model, Time exposed,
@@ -37,12 +42,43 @@ void SideObservationBuffer::add(const Frame& frame, std::optional<SideObservatio
 /// Entries come in the order of exposure: once the newest has reached `exposed`, the one that is
 /// wanted has come or will never come.
 std::optional<SideObservation> SideObservationBuffer::at(Time exposed, Time deadline) {
-  // Only a frame of the same exposure counts: cameras that are not triggered together give none.
-  const auto there = [&] { return !lately_.empty() && lately_.back().exposed >= exposed; };
-  if (!clock_.wait(added_, there, deadline)) return std::nullopt;
-  const auto found = std::find_if(lately_.begin(), lately_.end(),
-                                  [&](const Entry& entry) { return entry.exposed == exposed; });
-  return found == lately_.end() ? std::nullopt : found->seen;
+  const auto there = [&] {
+    return !lately_.empty() && lately_.back().exposed >= exposed - kInStep;
+  };
+  clock_.wait(added_, there, deadline);
+  const auto nearest =
+      std::min_element(lately_.begin(), lately_.end(), [exposed](const Entry& a, const Entry& b) {
+        return std::chrono::abs(a.exposed - exposed) < std::chrono::abs(b.exposed - exposed);
+      });
+  if (nearest == lately_.end()) return std::nullopt;
+  const Time skew = nearest->exposed - exposed;
+  std::optional<SideObservation> view =
+      std::chrono::abs(skew) <= kInStep ? nearest->seen : between(exposed);
+  if (view) view->skew = skew;
+  return view;
+}
+
+/// Linear in time through the observations a and b at t_a < t_b: p(t) = (1 - w) p_a + w p_b with
+/// w = (t - t_a) / (t_b - t_a), whose covariance is (1 - w)^2 C_a + w^2 C_b: beyond b it grows.
+std::optional<SideObservation> SideObservationBuffer::between(Time exposed) const {
+  std::optional<SideObservation> before;
+  std::optional<SideObservation>
+      last;  // the newest at or before `exposed`, then the first after it
+  for (const Entry& entry : lately_) {
+    if (!entry.seen) continue;
+    before = std::exchange(last, entry.seen);
+    if (entry.exposed >= exposed) break;
+  }
+  if (!before || !last || last->exposed - before->exposed > 3 * period_ ||
+      exposed < before->exposed || exposed - last->exposed > 2 * period_)
+    return std::nullopt;
+  const double w =
+      to_seconds(exposed - before->exposed) / to_seconds(last->exposed - before->exposed);
+  SideObservation view;
+  view.exposed = exposed;
+  view.position = (1 - w) * before->position + w * last->position;
+  view.covariance = (1 - w) * (1 - w) * before->covariance + w * w * last->covariance;
+  return view;
 }
 
 std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, double period,
@@ -78,7 +114,7 @@ std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background ba
           // Its clock is wrong: no stream's time goes back.
           if (last && frame.exposed <= *last) continue;
           last = frame.exposed;
-          const auto seen = tracker.update(frame.image);
+          const auto seen = tracker.update(as_gray(frame.image));
           if (!seen) {
             watch.add(frame, std::nullopt);
             continue;

@@ -25,10 +25,14 @@ std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, d
 /// asks here for the one of a moment.
 class SideObservationBuffer {
  public:
-  explicit SideObservationBuffer(Clock& clock) : clock_(clock) {}
+  /// `period` of the side camera's frames.
+  SideObservationBuffer(Clock& clock, Time period) : clock_(clock), period_(period) {}
   void add(const Frame& frame, std::optional<SideObservation> seen);
-  /// The view of the frame exposed at `exposed`; waits for it until `deadline`. Nothing when the
-  /// robot was not seen in it, or when no frame of that moment came.
+  /// The view at the moment `exposed`, waiting until `deadline`: of the frame of that moment, where
+  /// the cameras are in step (to 1 ms); else on the line through the two nearest frames in which
+  /// the robot was seen, one of which may be yet to come: a robot that moves at 1 mm/s is elsewhere
+  /// by 30 um after half a period. Nothing when there are no two within three periods of each
+  /// other.
   std::optional<SideObservation> at(Time exposed, Time deadline);
 
  private:
@@ -36,7 +40,10 @@ class SideObservationBuffer {
     Time exposed;
     std::optional<SideObservation> seen;
   };
+  std::optional<SideObservation> between(Time exposed) const;
+
   Clock& clock_;
+  const Time period_;
   Signal added_;
   std::deque<Entry> lately_;
 };

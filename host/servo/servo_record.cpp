@@ -34,7 +34,8 @@ StreamInfo servo_stream(const std::string& source) {
            {"sigma_z", "m"},
            {"headroom", ""},
            {"limited", ""},
-           {"rim_seen", ""}}};
+           {"rim_seen", ""},
+           {"pair_skew", "s"}}};
 }
 
 StreamInfo estimate_stream() {
@@ -90,7 +91,7 @@ void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
   const Eigen::Vector3d sigma =
       observation.position ? observation.covariance.diagonal().cwiseSqrt().eval() : nowhere;
   // In the order of servo_stream().
-  const std::array<double, 18> row{p.x(),
+  const std::array<double, 19> row{p.x(),
                                    p.y(),
                                    p.z(),
                                    t.x(),
@@ -107,7 +108,8 @@ void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
                                    sigma.z(),
                                    step.headroom,
                                    step.limited ? 1.0 : 0.0,
-                                   observation.ellipse ? observation.ellipse->inlier_fraction : 0};
+                                   observation.ellipse ? observation.ellipse->inlier_fraction : 0,
+                                   observation.pair_skew.value_or(std::nan(""))};
   recorder_.sample(samples_, exposed, row);
   recorder_.sample(currents_, now, rig_.coils->currents());
   if (estimates_ >= 0 && step.estimate) {

@@ -10,9 +10,11 @@ namespace vitreo {
 
 /// x and z, world frame.
 struct SideObservation {
-  Time exposed{};
+  Time exposed{};  ///< of its frame; of one between frames the moment that was asked for
   Eigen::Vector2d position{0, 0};                        // m
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // m^2
+  /// Of a pair: how much later than the top camera's frame the side camera's nearest was exposed.
+  Time skew{};
 };
 
 }  // namespace vitreo

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/session/background.h"
 
+#include "devices/roles/gray.h"
+
 #include <algorithm>
 #include <stdexcept>
 
@@ -13,7 +15,7 @@ vision::Background learn_background(Camera& camera, int frames, Time from) {
   while (background.count() < frames) {
     // A camera that misses five frames is lost rather than late: grab() throws.
     const Frame frame = camera.grab(from_seconds(std::max(1.0, 5 * camera.info().frame_period)));
-    if (frame.exposed >= from) background.learn(frame.image);
+    if (frame.exposed >= from) background.learn(as_gray(frame.image));
   }
   return background;
 }

@@ -44,7 +44,12 @@ Number number_after(const std::string& word, std::size_t& at, double min, double
 }
 
 // Of the pixels, which the ring keeps alive by sharing them with the camera's frame.
-std::size_t bytes_of(const Frame& frame) { return frame.image.total() * frame.image.elemSize(); }
+std::size_t bytes_of(const Frame& frame) {
+  const auto bytes = [](const cv::Mat& image) {
+    return image.empty() ? 0 : image.total() * image.elemSize();
+  };
+  return bytes(frame.image) + bytes(frame.deep);
+}
 
 }  // namespace
 
@@ -87,6 +92,16 @@ class FrameRecording::Tap final : public Camera {
   Tap& operator=(const Tap&) = delete;
   const CameraInfo& info() const override { return camera_.info(); }
   const std::string& name() const { return name_; }
+  CameraStatistics statistics() const override { return camera_.statistics(); }
+  std::string feature(const std::string& name) override { return camera_.feature(name); }
+  // Settings of an instrument are what a run was made with: each change is an event.
+  std::string set_feature(const std::string& name, const std::string& value) override {
+    std::string read = camera_.set_feature(name, value);
+    recorder_.event(clock_.now(), "note",
+                    name_ + ": feature " + name + (read.empty() ? " executed" : " = " + read));
+    return read;
+  }
+  void trigger() override { camera_.trigger(); }
 
   // What a caller gets is offered to the record in the same call, so what is recorded is what the
   // loop saw, in its order.
@@ -115,14 +130,11 @@ class FrameRecording::Tap final : public Camera {
       throw std::invalid_argument("window: is larger than the frames of " + name_);
     // With windows, one whole frame a second.
     const int whole = static_cast<int>(std::max(1.0, std::round(1 / info.frame_period)));
-    recorded_ =
-        recorder_.add_camera({name_, info.identity, policy.window > 0 ? whole : policy.every,
-                              info.frame_period, info.effective_pixel});
+    recorded_ = recorder_.add_camera(recorded_as(name_, policy.window > 0 ? whole : policy.every));
     if (policy.window > 0) {
       // Windows are a camera of their own in the record, and their corners a stream: a reader finds
       // a pixel of the whole frame again.
-      windows_ = recorder_.add_camera({name_ + "_window", info.identity, policy.every,
-                                       info.frame_period, info.effective_pixel});
+      windows_ = recorder_.add_camera(recorded_as(name_ + "_window", policy.every));
       corners_ = recorder_.add_stream({name_ + "_window",
                                        "where the recorded windows stand in the frames",
                                        {{"frame", ""}, {"left_px", ""}, {"top_px", ""}}});
@@ -156,6 +168,12 @@ class FrameRecording::Tap final : public Camera {
   }
 
  private:
+  RecordedCameraInfo recorded_as(const std::string& name, int every) const {
+    const CameraInfo& info = camera_.info();
+    return {name,      info.identity,    every,           info.frame_period, info.effective_pixel,
+            info.bits, info.offset_x_px, info.offset_y_px};
+  }
+
   /// Records the instrument's clock against the host's, once a second, as the stream NAME_clock.
   /// A stream only for instruments with a clock of their own; readers of the record convert its
   /// times by it. One row a second is enough for a drift of parts per million.
@@ -227,7 +245,9 @@ class FrameRecording::Tap final : public Camera {
     const int top = corner((*robot)[1], frame.image.rows);
     Frame window = frame;
     // A copy: the view would keep the whole frame in memory.
-    window.image = frame.image(cv::Rect(left, top, size, size)).clone();
+    const cv::Rect part(left, top, size, size);
+    window.image = frame.image(part).clone();
+    if (!frame.deep.empty()) window.deep = frame.deep(part).clone();
     recorder_.frame(windows_, window);
     recorder_.sample(corners_, frame.exposed,
                      std::array{static_cast<double>(frame.number), static_cast<double>(left),

@@ -39,7 +39,8 @@ vision::Background Session::learn_background(int count) {
   // In a rehearsal poses stand in for images, and its record is thrown away.
   if (rig.side_camera != nullptr && !side_observations_ && rehearsal == nullptr) {
     vision::Background side = vitreo::learn_background(*rig.side_camera, count, clock.now());
-    side_observations_ = std::make_unique<SideObservationBuffer>(clock);
+    side_observations_ = std::make_unique<SideObservationBuffer>(
+        clock, from_seconds(rig.side_camera->info().frame_period));
     keep(observe_side(clock, rig, std::move(side), recorder, *side_observations_));
   }
   return top;

@@ -24,7 +24,7 @@ import tty
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 
-from double import ByteDouble, HidDouble, Refused, RegisterDouble, plain  # noqa: E402
+from double import ByteDouble, HidDouble, Refused, RegisterDouble, UsbDouble, plain  # noqa: E402
 
 
 def make(instrument, options):
@@ -404,6 +404,8 @@ def main():
         double = make(given.instrument, given.option)
     except Refused as error:
         parser.error(str(error))
+    if not isinstance(double, (ByteDouble, HidDouble, UsbDouble, RegisterDouble)):
+        parser.error(f"{given.instrument} has a server of its own: gige_serve.py")
     if isinstance(double, ByteDouble) == bool(given.socket):
         parser.error(f"{given.instrument} is served " + ("on --pty or --tcp" if given.socket else "on --socket"))
     book = open(given.log, "w", encoding="utf-8") if given.log else None

@@ -2,12 +2,18 @@
 #include "devices/instruments/genicam/driver.h"
 
 #include "devices/instruments/genicam/aravis.h"
+#include "devices/instruments/genicam/configuration.h"
+#include "devices/instruments/genicam/features.h"
+#include "devices/instruments/genicam/latch.h"
+#include "devices/instruments/genicam/pixels.h"
+#include "devices/time/device_clock.h"
 #include "devices/time/error.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstring>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -44,17 +50,22 @@ class GenicamCamera final : public Camera {
   const CameraInfo& info() const override { return info_; }
   CameraStatistics statistics() const override { return statistics_; }
   Frame grab(Time timeout) override;
+  std::string feature(const std::string& name) override;
+  std::string set_feature(const std::string& name, const std::string& value) override;
+  void trigger() override;
 
  private:
   void start();
-  void apply_settings();
-  void read_back();
   void open_stream();
   void stop();
   template <class Call>
   auto ask(const std::string& what, Call call);
   std::optional<Frame> newest(ArvBuffer* first);
   std::optional<Frame> take(ArvBuffer* buffer);
+  Frame picture_of(ArvBuffer* buffer) const;
+  void date(Frame& frame, ArvBuffer* buffer);
+  void compare_clocks();
+  void forget_foreign_clock(Time device, Time exposed);
   void count(std::uint64_t id);
   [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
     throw DeviceError(kind, settings_.name, what);
@@ -68,6 +79,12 @@ class GenicamCamera final : public Camera {
   CameraInfo info_;
   Object<ArvCamera> camera_;
   Object<ArvStream> stream_;
+  std::optional<Features> features_;
+  std::optional<Latch> latch_;
+  DeviceClock device_clock_;
+  Time exposure_{};     // as the camera read it back last
+  Time compared_at_{};  // when the clocks were compared last
+  Time exposed_{};      // of the last frame
   std::atomic<bool> control_lost_{false};
   Time heard_{};               // when a buffer came last, whole or torn
   std::uint64_t last_id_ = 0;  // of the camera's
@@ -75,7 +92,7 @@ class GenicamCamera final : public Camera {
   CameraStatistics statistics_;
 };
 
-/// Calls Aravis; its error is thrown under the name of the setting.
+/// Calls Aravis; its error is thrown under the name of what was asked.
 /// Aravis reports by a GError that the caller owns; with one the returned value means nothing.
 template <class Call>
 auto GenicamCamera::ask(const std::string& what, Call call) {
@@ -100,72 +117,14 @@ void GenicamCamera::start() {
                                          (error != nullptr ? ": " + text_and_free(error) : ""));
   g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost",
                    G_CALLBACK(on_control_lost), this);
-  apply_settings();
-  read_back();
+  features_.emplace(camera_.get(), settings_.name);
+  const Configuration configuration(camera_.get(), settings_, *features_);
+  configuration.apply();
+  info_ = configuration.read_back();
+  exposure_ = from_seconds(configuration.exposure());
+  latch_.emplace(camera_.get(), *features_);
+  if (settings_.device_clock != "latch") latch_->give_up();
   open_stream();
-}
-
-// In the order in which they bound each other: the region limits the rate, and the rate the
-// exposure.
-void GenicamCamera::apply_settings() {
-  ArvCamera* const c = camera_.get();
-  // A camera that still streams, for a host that died, may refuse settings.
-  ask("stop", [c](GError** e) { arv_camera_stop_acquisition(c, e); });
-  ask("8-bit gray",
-      [c](GError** e) { arv_camera_set_pixel_format(c, ARV_PIXEL_FORMAT_MONO_8, e); });
-  int least = 0;
-  int widest = 0;
-  int highest = 0;
-  ask("width_px", [&](GError** e) { arv_camera_get_width_bounds(c, &least, &widest, e); });
-  ask("height_px", [&](GError** e) { arv_camera_get_height_bounds(c, &least, &highest, e); });
-  if (settings_.width_px > widest || settings_.height_px > highest)
-    fail(DeviceErrorKind::refused, "width_px, height_px: it makes images of up to " +
-                                       std::to_string(widest) + " x " + std::to_string(highest));
-  ask("width_px, height_px", [&](GError** e) {
-    arv_camera_set_region(c, 0, 0, settings_.width_px, settings_.height_px, e);
-  });
-  ask("frame_rate", [&](GError** e) { arv_camera_set_frame_rate(c, settings_.frame_rate, e); });
-  ask("exposure",
-      [&](GError** e) { arv_camera_set_exposure_time(c, settings_.exposure * 1e6, e); });
-  if (arv_camera_is_gain_available(c, nullptr) != FALSE)
-    ask("gain", [&](GError** e) { arv_camera_set_gain(c, settings_.gain, e); });
-  if (arv_camera_is_gv_device(c) != FALSE)
-    ask("packet_size",
-        [&](GError** e) { arv_camera_gv_set_packet_size(c, settings_.packet_size, e); });
-}
-
-/// What the camera made of the settings: it may round or clip without an error. Rate and exposure
-/// may differ by a twentieth.
-/// Of the size nothing may differ: pixels would be taken for others.
-void GenicamCamera::read_back() {
-  ArvCamera* const c = camera_.get();
-  int x = 0;
-  int y = 0;
-  int width = 0;
-  int height = 0;
-  ask("region", [&](GError** e) { arv_camera_get_region(c, &x, &y, &width, &height, e); });
-  const double rate =
-      ask("frame_rate", [c](GError** e) { return arv_camera_get_frame_rate(c, e); });
-  const double exposure =
-      ask("exposure", [c](GError** e) { return arv_camera_get_exposure_time(c, e); }) * 1e-6;
-  if (width != settings_.width_px || height != settings_.height_px)
-    fail(DeviceErrorKind::refused, "width_px, height_px: it makes images of " +
-                                       std::to_string(width) + " x " + std::to_string(height) +
-                                       " instead");
-  if (std::abs(rate - settings_.frame_rate) > 0.05 * settings_.frame_rate)
-    fail(DeviceErrorKind::refused,
-         "frame_rate: it runs at " + std::to_string(rate) + " Hz instead");
-  if (std::abs(exposure - settings_.exposure) > 0.05 * settings_.exposure + 10e-6)
-    fail(DeviceErrorKind::refused,
-         "exposure: it exposes for " + std::to_string(exposure) + " s instead");
-  const auto text = [](const char* said) { return std::string(said == nullptr ? "?" : said); };
-  info_.identity = text(arv_camera_get_vendor_name(c, nullptr)) + " " +
-                   text(arv_camera_get_model_name(c, nullptr)) + ", serial " +
-                   text(arv_camera_get_device_serial_number(c, nullptr));
-  info_.width_px = width;
-  info_.height_px = height;
-  info_.frame_period = 1 / rate;
-  info_.effective_pixel = settings_.effective_pixel;
 }
 
 // Buffers belong to the stream from here on and come back by popping; each holds one image of the
@@ -238,32 +197,110 @@ std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
     ++statistics_.torn;
     return std::nullopt;
   }
-  const int width = arv_buffer_get_image_width(buffer);
-  const int height = arv_buffer_get_image_height(buffer);
+  Frame frame = picture_of(buffer);
   ++statistics_.delivered;
-  std::size_t size = 0;
-  const void* const pixels = arv_buffer_get_data(buffer, &size);
-  if (width != info_.width_px || height != info_.height_px ||
-      size < std::size_t(width) * std::size_t(height))
-    fail(DeviceErrorKind::protocol,
-         "an image of " + std::to_string(width) + " x " + std::to_string(height) + " came");
-  Frame frame;
-  frame.image.create(height, width, CV_8U);
-  std::memcpy(frame.image.data, pixels, std::size_t(width) * std::size_t(height));
   frame.number = number_;
   frame.received = clock_.now();
-  // The buffer's system time stamp is the wall clock's at the arrival of the first packet (ns),
-  // taken for the end of the exposure. A wall clock that was set meanwhile cannot shift a frame by
-  // more than a second.
-  const std::int64_t age =
-      g_get_real_time() * 1000 - static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
-  frame.exposed = frame.received - Time(std::clamp<std::int64_t>(age, 0, 1'000'000'000)) -
-                  from_seconds(settings_.exposure / 2);
-  // Which moment of the exposure a camera stamps is its own affair: a constant, as its clock's
-  // zero.
-  if (const auto stamp = arv_buffer_get_timestamp(buffer); stamp != 0)
-    frame.device = Time(static_cast<std::int64_t>(stamp));
+  date(frame, buffer);
   return frame;
+}
+
+/// Its format is taken from the buffer: a camera may send another than it says.
+Frame GenicamCamera::picture_of(ArvBuffer* buffer) const {
+  const int width = arv_buffer_get_image_width(buffer);
+  const int height = arv_buffer_get_image_height(buffer);
+  const PixelFormat* const format = format_of(arv_buffer_get_image_pixel_format(buffer));
+  std::size_t size = 0;
+  const auto* const pixels = static_cast<const std::uint8_t*>(arv_buffer_get_data(buffer, &size));
+  if (format == nullptr || format->name != settings_.pixel_format)
+    fail(DeviceErrorKind::protocol,
+         fmt::format("an image of the format {:#x} came instead of {}",
+                     arv_buffer_get_image_pixel_format(buffer), settings_.pixel_format));
+  if (width != info_.width_px || height != info_.height_px ||
+      size < bytes_of(*format, width, height))
+    fail(DeviceErrorKind::protocol,
+         fmt::format("an image of {} x {} and {} bytes came", width, height, size));
+  Frame frame;
+  Pixels decoded = decode(*format, {pixels, size}, width, height);
+  frame.image = std::move(decoded.image);
+  frame.deep = std::move(decoded.deep);
+  frame.bits = frame.deep.empty() ? 8 : format->bits;
+  return frame;
+}
+
+/// When it was exposed. The buffer's system time stamp is the wall clock's at the arrival of the
+/// first packet (ns); a wall clock that was set meanwhile cannot shift a frame by more than a
+/// second.
+void GenicamCamera::date(Frame& frame, ArvBuffer* buffer) {
+  const std::uint64_t system = arv_buffer_get_system_timestamp(buffer);
+  const std::uint64_t stamp = arv_buffer_get_timestamp(buffer);
+  const std::int64_t age = g_get_real_time() * 1000 - static_cast<std::int64_t>(system);
+  const Time arrived = frame.received - Time(std::clamp<std::int64_t>(age, 0, 1'000'000'000));
+  const Time ended = arrived - from_seconds(settings_.readout);
+  frame.exposed = ended - exposure_ / 2;
+  // Where Aravis does not know the clock's frequency it copies the host's stamp: no clock.
+  if (stamp != 0 && stamp != system && settings_.device_clock != "none") {
+    const Time stamped(static_cast<std::int64_t>(stamp));
+    const Time end = settings_.stamps_the_end ? stamped : stamped + exposure_;
+    frame.device = end - exposure_ / 2;
+    forget_foreign_clock(*frame.device, frame.exposed);
+    device_clock_.arrived(end, ended);
+    frame.exposed = device_clock_.host_of(*frame.device).value_or(frame.exposed);
+  }
+  // While the first arrivals are learnt from, the map moves by as much as they jitter: times grow
+  // all the same.
+  constexpr Time kLeast = 1us;
+  frame.exposed = std::min(std::max(frame.exposed, exposed_ + kLeast), frame.received);
+  exposed_ = frame.exposed;
+}
+
+/// A latch that counts in another unit than its name says, or of another clock, would put the
+/// frames seconds away from their arrival.
+void GenicamCamera::forget_foreign_clock(Time device, Time exposed) {
+  if (!device_clock_.is_compared()) return;
+  if (std::chrono::abs(*device_clock_.host_of(device) - exposed) < 1s) return;
+  latch_->give_up();
+  device_clock_ = {};
+}
+
+/// Once a second, more often at first: by then a crystal has gone astray by a tenth of a
+/// millisecond at worst.
+void GenicamCamera::compare_clocks() {
+  const Time now = clock_.now();
+  const Time pause = device_clock_.is_compared() ? 1s : 0s;
+  if (!latch_->usable() || now - compared_at_ < pause) return;
+  compared_at_ = now;
+  clock_.outside([this] { latch_->compare(clock_, device_clock_); });
+}
+
+std::string GenicamCamera::feature(const std::string& name) {
+  std::string value;
+  clock_.outside([&] { value = features_->value(name); });
+  return value;
+}
+
+// A feature may change the exposure, which the times are made of.
+std::string GenicamCamera::set_feature(const std::string& name, const std::string& value) {
+  if (belongs_to_the_rig_file(name))
+    fail(DeviceErrorKind::refused,
+         "feature " + name + ": decides what an image is; set it in the rig file");
+  std::string read;
+  double exposed = 0;
+  clock_.outside([&] {
+    read = features_->set(name, value);
+    exposed = Configuration(camera_.get(), settings_, *features_).exposure();
+  });
+  exposure_ = from_seconds(exposed);
+  return read;
+}
+
+void GenicamCamera::trigger() {
+  if (settings_.trigger != "Software")
+    fail(DeviceErrorKind::refused,
+         "trigger: it does not wait for one by software (trigger = \"Software\" in its table)");
+  clock_.outside([this] {
+    ask("trigger", [this](GError** e) { arv_camera_software_trigger(camera_.get(), e); });
+  });
 }
 
 /// The newest whole frame of those that wait. When all buffers are full, the stream had none for
@@ -296,6 +333,7 @@ Frame GenicamCamera::grab(Time timeout) {
   Time listening = clock_.now();
   for (;;) {
     if (control_lost_) fail(DeviceErrorKind::lost, "the camera no longer answers");
+    compare_clocks();
     ArvBuffer* buffer = nullptr;
     const Time slice = std::min(kSlice, deadline - clock_.now());
     clock_.outside([&] {
@@ -305,7 +343,7 @@ Frame GenicamCamera::grab(Time timeout) {
     });
     if (auto frame = newest(buffer)) return *std::move(frame);
     listening = std::max(listening, heard_);
-    if (clock_.now() - listening >= silence)
+    if (settings_.trigger.empty() && clock_.now() - listening >= silence)
       fail(DeviceErrorKind::lost, "the camera has fallen silent");
     if (clock_.now() >= deadline) fail(DeviceErrorKind::timeout, "no frame in time");
     clock_.sleep_until(clock_.now());  // a stop comes through here
@@ -330,6 +368,20 @@ void Settings::check() const {
   // From the datagram that every IPv4 host takes (RFC 791) to the usual jumbo frame.
   in(packet_size, 576, 9000, "packet_size");
   in(socket_buffer, 1 << 12, 1 << 28, "socket_buffer");
+  in(offset_x_px, 0, 1 << 16, "offset_x_px");
+  in(offset_y_px, 0, 1 << 16, "offset_y_px");
+  in(trigger_delay, 0, 100, "trigger_delay");
+  in(readout, 0, 10, "readout");
+  if (format_of(pixel_format) == nullptr)
+    throw std::invalid_argument("pixel_format: " + pixel_format + " is not known here");
+  const bool odd = offset_x_px % 2 != 0 || offset_y_px % 2 != 0;
+  if (odd && !format_of(pixel_format)->pattern.empty())
+    throw std::invalid_argument("offset_x_px, offset_y_px: must be even, or the mosaic of " +
+                                pixel_format + " is another");
+  if (device_clock != "latch" && device_clock != "arrivals" && device_clock != "none")
+    throw std::invalid_argument("device_clock: must be latch, arrivals or none");
+  if (trigger_edge != "rising" && trigger_edge != "falling")
+    throw std::invalid_argument("trigger_edge: must be rising or falling");
 }
 
 std::unique_ptr<Camera> open(const Settings& settings, Clock& clock) {

@@ -8,6 +8,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace vitreo::genicam {
@@ -22,6 +23,25 @@ struct Settings {
   double exposure = 5e-3;          ///< s
   double gain = 0;                 ///< in the camera's unit, mostly dB
   double effective_pixel = 20e-6;  ///< m of the observed plane per pixel
+  int offset_x_px = 0;             ///< of the image's first pixel on the sensor
+  int offset_y_px = 0;
+  std::string pixel_format = "Mono8";  ///< one of pixel_formats()
+  /// Loaded before all else, so that a camera does not bring what somebody left in it; empty: not.
+  std::string user_set = "Default";
+  /// Its source: "Software", "Line1"; empty: free running. `frame_rate` is then the rate expected.
+  std::string trigger{};
+  std::string trigger_edge = "rising";  ///< or "falling"
+  double trigger_delay = 0;             ///< s, from the edge to the begin of the exposure
+  std::string exposure_output{};  ///< a line that is high while the camera exposes; empty: none
+  /// Set last, in this order; to a command the empty text.
+  std::vector<std::pair<std::string, std::string>> features{};
+  /// By which a frame is dated: "latch" of the camera's clock, where it has one, "arrivals" alone of
+  /// what that clock has stamped, or "none" of it.
+  std::string device_clock = "latch";
+  bool stamps_the_end = false;  ///< its time stamp is of the exposure's end, not of its begin
+  /// s, from the end of the exposure to the first packet; by data sheet, or by a lamp that is
+  /// switched.
+  double readout = 0;
   /// Bytes of a GigE Vision packet; jumbo frames (8000) where the network has them.
   int packet_size = 1400;
   /// Bytes. The kernel's default loses nearly every frame on a loaded machine; sysctl
@@ -32,10 +52,17 @@ struct Settings {
 
 /// Opens the camera, applies the settings, reads them back and starts it. Throws
 /// DeviceError{not_found}, {refused} (another program controls it, or it does not take a setting;
-/// it is named), {lost}. A frame's `exposed` is the arrival of its first packet less half the
-/// exposure: a camera's clock is its own. grab() throws DeviceError{lost} when the camera has been
-/// silent for 0.45 s or five frames, whatever is longer. A camera that was lost stays lost: open it
-/// again. Destruction blocks up to 5 s then, on the clock's outside().
+/// it is named), {lost}.
+///
+/// Automatic exposure, gain and white balance are switched off, gamma is 1, triggers are off unless
+/// they are asked for. A frame's `exposed` is by the camera's own clock where it has one: by latch
+/// (the camera is asked for its time once a second, and the exposure is where the stamp says), else
+/// by the earliest of its arrivals, which is the end of the exposure and `readout`. A camera
+/// without a clock: by each arrival.
+///
+/// grab() throws DeviceError{lost} when the camera has been silent for 0.45 s or five frames,
+/// whatever is longer; one that waits for a trigger may be silent. A camera that was lost stays
+/// lost: open it again. Destruction blocks up to 5 s then, on the clock's outside().
 std::unique_ptr<Camera> open(const Settings& settings, Clock& clock);
 
 struct Found {

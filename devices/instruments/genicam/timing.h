@@ -3,11 +3,12 @@
 #pragma once
 
 #include "devices/instruments/genicam/driver.h"
+#include "devices/instruments/genicam/pixels.h"
 #include "devices/links/link_time.h"
 
 namespace vitreo::genicam {
 
-/// An image of 8 bits a pixel on a network of `link_rate` bit/s, or its exposure where that takes
+/// An image on a network of `link_rate` bit/s, or its exposure where that takes
 /// longer. Each packet carries packet_size less its headers (IP, UDP and GVSP: 36 bytes) and costs
 /// 38 more (Ethernet's header, checksum, preamble and gap). An address on this machine (127.x) is
 /// no network: there the exposure is all.
@@ -16,10 +17,11 @@ inline LinkTime image_time(const Settings& settings, double link_rate) {
   constexpr double kEthernet = 38;
   const LinkTime exposed{settings.exposure, "its exposure"};
   if (settings.camera.starts_with("127.")) return exposed;
-  const double pixels = static_cast<double>(settings.width_px) * settings.height_px;
+  const auto bytes = static_cast<double>(
+      bytes_of(*format_of(settings.pixel_format), settings.width_px, settings.height_px));
   const double size = settings.packet_size;
   const LinkTime sent =
-      bulk_time(pixels * (size + kEthernet) / (size - kHeaders), link_rate / 8, "GigE");
+      bulk_time(bytes * (size + kEthernet) / (size - kHeaders), link_rate / 8, "GigE");
   return sent.seconds > exposed.seconds ? sent : exposed;
 }
 

@@ -127,8 +127,8 @@ class IidcCamera final : public Camera {
          "fast_bus");
     need(dc1394_video_set_mode(camera_.get(), kMode), "Format 7, mode 0");
     set_region();
-    set_feature(DC1394_FEATURE_SHUTTER, settings_.exposure, "exposure");
-    set_feature(DC1394_FEATURE_GAIN, settings_.gain, "gain");
+    apply_feature(DC1394_FEATURE_SHUTTER, settings_.exposure, "exposure");
+    apply_feature(DC1394_FEATURE_GAIN, settings_.gain, "gain");
     need(dc1394_capture_setup(camera_.get(), kBuffers, DC1394_CAPTURE_FLAGS_DEFAULT),
          "the DMA ring");
     need(dc1394_video_set_transmission(camera_.get(), DC1394_ON), "transmission");
@@ -178,7 +178,7 @@ class IidcCamera final : public Camera {
 
   /// By absolute values (s, dB). The Basler A620f and AVT's Guppy and Pike have none, and are
   /// refused here.
-  void set_feature(dc1394feature_t feature, double value, const char* setting) {
+  void apply_feature(dc1394feature_t feature, double value, const char* setting) {
     need(dc1394_feature_set_mode(camera_.get(), feature, DC1394_FEATURE_MODE_MANUAL), setting);
     need(dc1394_feature_set_absolute_control(camera_.get(), feature, DC1394_ON), setting);
     need(dc1394_feature_set_absolute_value(camera_.get(), feature, static_cast<float>(value)),

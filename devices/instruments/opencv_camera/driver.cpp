@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/opencv_camera/driver.h"
 
+#include "devices/instruments/opencv_camera/v4l2_controls.h"
 #include "devices/roles/gray.h"
 #include "devices/time/error.h"
 
 #include <opencv2/videoio.hpp>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <stdexcept>
@@ -61,10 +63,11 @@ class OpencvCamera final : public Camera {
     double rate = capture_.get(cv::CAP_PROP_FPS);
     if (!live_ && settings_.frame_rate > 0) rate = settings_.frame_rate;
     if (!(rate > 0 && rate <= kFastest)) rate = kUnknownRate;
-    info_ = {(live_ ? "UVC camera " : "video file ") + settings_.source,
-             static_cast<int>(std::lround(capture_.get(cv::CAP_PROP_FRAME_WIDTH))),
-             static_cast<int>(std::lround(capture_.get(cv::CAP_PROP_FRAME_HEIGHT))), 1 / rate,
-             settings_.effective_pixel};
+    info_.identity = (live_ ? "UVC camera " : "video file ") + settings_.source;
+    info_.width_px = static_cast<int>(std::lround(capture_.get(cv::CAP_PROP_FRAME_WIDTH)));
+    info_.height_px = static_cast<int>(std::lround(capture_.get(cv::CAP_PROP_FRAME_HEIGHT)));
+    info_.frame_period = 1 / rate;
+    info_.effective_pixel = settings_.effective_pixel;
     period_ = from_seconds(1 / rate);
   }
 
@@ -82,10 +85,33 @@ class OpencvCamera final : public Camera {
     want(cv::CAP_PROP_FRAME_WIDTH, settings_.width_px, "width_px");
     want(cv::CAP_PROP_FRAME_HEIGHT, settings_.height_px, "height_px");
     want(cv::CAP_PROP_FPS, settings_.frame_rate, "frame_rate");
+    set_light();
     // Of a queue of old frames only the newest would count.
     capture_.set(cv::CAP_PROP_BUFFERSIZE, 2);
     const double rate = std::max(capture_.get(cv::CAP_PROP_FPS), 1.);
     capture_.set(cv::CAP_PROP_READ_TIMEOUT_MSEC, 1e3 * std::max(kSilence, 5 / rate));
+  }
+
+  /// What somebody left automatic in a camera changes the picture in mid-run.
+  void set_light() {
+    if (settings_.exposure == 0 && !settings_.gain) return;
+    const V4l2Controls controls(settings_.source, settings_.name);
+    controls.switch_automatics_off();
+    if (settings_.exposure > 0) exposure_ = from_seconds(controls.set_exposure(settings_.exposure));
+    if (settings_.gain) controls.set_gain(*settings_.gain);
+    info_.settings = {{"exposure", std::to_string(to_seconds(exposure_)) + " s"}};
+    if (settings_.gain) info_.settings.emplace_back("gain", std::to_string(*settings_.gain));
+  }
+
+  /// How long ago the driver had the image, by V4L2's stamp of CLOCK_MONOTONIC; a driver whose
+  /// stamps lie ahead, or that has none, is taken for prompt.
+  Time age() const {
+    const double stamped_ms = capture_.get(cv::CAP_PROP_POS_MSEC);
+    const double now_ms = std::chrono::duration<double, std::milli>(
+                              std::chrono::steady_clock::now().time_since_epoch())
+                              .count();
+    const double age = (now_ms - stamped_ms) * 1e-3;
+    return stamped_ms > 0 && age > 0 && age < 1 ? from_seconds(age) : Time::zero();
   }
 
   /// One image, or an empty one at the end or when none comes.
@@ -140,7 +166,7 @@ class OpencvCamera final : public Camera {
         last_ < 0 ? 1 : std::max<std::int64_t>(1, (now - heard_ + period_ / 2) / period_);
     statistics_.lost += static_cast<std::uint64_t>(passed - 1);
     heard_ = now;
-    Frame frame = frame_of(image, last_ + passed, now);
+    Frame frame = frame_of(image, last_ + passed, now - age() - exposure_ / 2);
     if (now - start > timeout) fail(DeviceErrorKind::timeout, "no frame in time");
     return frame;
   }
@@ -153,6 +179,7 @@ class OpencvCamera final : public Camera {
   Time begin_{};
   Time heard_{};
   Time period_{};
+  Time exposure_{};  // as the camera read it back; zero: not set
   std::int64_t last_ = -1;
   CameraStatistics statistics_;
 };
@@ -166,6 +193,8 @@ void Settings::check() const {
     throw std::invalid_argument("width_px, height_px: must not be negative");
   if (!(frame_rate >= 0 && frame_rate <= kFastest))
     throw std::invalid_argument("frame_rate: must be in [0, 1e4] Hz");
+  if (!(exposure >= 0 && exposure <= 100))
+    throw std::invalid_argument("exposure: must be in [0, 100] s");
   if (!(effective_pixel > 0 && effective_pixel < 1))
     throw std::invalid_argument("effective_pixel: must be in (0, 1) m");
 }

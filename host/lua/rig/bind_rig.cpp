@@ -25,8 +25,61 @@ int camera_info(Call& call) {
       .integer("width_px", info.width_px)
       .integer("height_px", info.height_px)
       .number("frame_period", info.frame_period, "s")
-      .number("effective_pixel", info.effective_pixel, "m");
+      .number("effective_pixel", info.effective_pixel, "m")
+      .integer("offset_x_px", info.offset_x_px)
+      .integer("offset_y_px", info.offset_y_px);
   return 1;
+}
+
+// GenICam has its features as text; a number is read as one.
+int push_feature(const Call& call, const std::string& value) {
+  if (value == "true" || value == "false") {
+    lua_pushboolean(call.L, value == "true" ? 1 : 0);
+  } else if (lua_stringtonumber(call.L, value.c_str()) == 0) {
+    lua_pushlstring(call.L, value.data(), value.size());
+  }
+  return 1;
+}
+
+// GigE Vision answers within a second, or with its own error.
+constexpr Time kFeature = std::chrono::seconds(10);
+
+int camera_feature(Call& call) {
+  Camera* const camera = &call.self<Camera>();
+  const std::string name = call.text(0);
+  const auto value = std::make_shared<std::string>();
+  return call.wait(work(
+      call, camera->info().identity, [=] { *value = camera->feature(name); }, kFeature,
+      [value](Call& done) { return push_feature(done, *value); }));
+}
+
+/// As the camera takes it; nil and "" execute a command.
+std::string feature_text(const Call& call, std::size_t argument) {
+  const int at = call.index(argument);
+  if (lua_isnoneornil(call.L, at)) return "";
+  if (lua_isboolean(call.L, at)) return lua_toboolean(call.L, at) != 0 ? "true" : "false";
+  if (lua_type(call.L, at) != LUA_TSTRING && lua_type(call.L, at) != LUA_TNUMBER)
+    throw std::invalid_argument("value: must be a number, a text, true or false");
+  lua_pushvalue(call.L, at);  // lua_tostring would change the argument itself
+  std::string text = lua_tostring(call.L, -1);
+  lua_pop(call.L, 1);
+  return text;
+}
+
+int camera_set_feature(Call& call) {
+  Camera* const camera = &call.self<Camera>();
+  const std::string name = call.text(0);
+  const std::string value = feature_text(call, 1);
+  return call.wait(work(
+      call, camera->info().identity, [=] { camera->set_feature(name, value); }, kFeature,
+      [](Call&) { return 0; }));
+}
+
+int camera_trigger(Call& call) {
+  Camera* const camera = &call.self<Camera>();
+  return call.wait(work(
+      call, camera->info().identity, [=] { camera->trigger(); }, kFeature,
+      [](Call&) { return 0; }));
 }
 
 // A frame's time is the middle of its exposure, `received` its arrival at the host, both of the
@@ -288,7 +341,9 @@ const Class& camera_class() {
           {"width_px", "", ""},
           {"height_px", "", ""},
           {"frame_period", "s", ""},
-          {"effective_pixel", "m", "of the scene; of the aerial image where there is an eye"}}},
+          {"effective_pixel", "m", "of the scene; of the aerial image where there is an eye"},
+          {"offset_x_px", "", "of the image's first pixel on the sensor"},
+          {"offset_y_px", "", ""}}},
         "what camera it is",
         camera_info,
         "rig.top_camera:info()"},
@@ -303,7 +358,29 @@ const Class& camera_class() {
           {"height_px", "", ""}}},
         "waits for the next frame",
         camera_grab,
-        "rig.top_camera:grab()"}}};
+        "rig.top_camera:grab()"},
+       {"feature",
+        {{.name = "name", .type = Type::text, .help = "GenICam's: \"Gain\""}},
+        "number, text or boolean, in the camera's own unit",
+        "a setting by the name that the camera gives it",
+        camera_feature,
+        "pcall(rig.top_camera.feature, rig.top_camera, \"Gain\")"},
+       {"set_feature",
+        {{.name = "name", .type = Type::text},
+         {.name = "value",
+          .type = Type::any,
+          .optional = true,
+          .help = "in the camera's own unit; none of a command"}},
+        "",
+        "sets it, or executes a command; what decides the image's size belongs to the rig file",
+        camera_set_feature,
+        "pcall(rig.top_camera.set_feature, rig.top_camera, \"Gain\", 3)"},
+       {"trigger",
+        {},
+        "",
+        "one exposure, of a camera with trigger = \"Software\" in its table",
+        camera_trigger,
+        "pcall(rig.top_camera.trigger, rig.top_camera)"}}};
   return kind;
 }
 

@@ -1,6 +1,7 @@
 // Real cameras, videos and image sequences as a rig file describes them.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/genicam/driver.h"
+#include "devices/instruments/genicam/pixels.h"
 #include "devices/instruments/genicam/timing.h"
 #include "devices/instruments/iidc/driver.h"
 #include "devices/instruments/iidc/timing.h"
@@ -27,6 +28,42 @@ double read_pixel(ConfigReader& reader, double fallback) {
   return reader.number("effective_pixel", fallback, {0.5e-6, 200e-6, "m"});
 }
 
+/// "Name = value": what stands before the first '=' is the feature's name; a command has no '='.
+std::pair<std::string, std::string> feature_of(ConfigReader& reader, const std::string& text) {
+  const auto trimmed = [](const std::string& part) {
+    const auto first = part.find_first_not_of(' ');
+    const auto last = part.find_last_not_of(' ');
+    return first == std::string::npos ? "" : part.substr(first, last - first + 1);
+  };
+  const std::size_t at = text.find('=');
+  const std::string name = trimmed(text.substr(0, at));
+  if (name.empty()) reader.fail("features", "\"" + text + "\" does not begin with a name");
+  return {name, at == std::string::npos ? "" : trimmed(text.substr(at + 1))};
+}
+
+/// Where on the sensor, in which format, when, and what else the camera can.
+void read_genicam_extras(ConfigReader& reader, genicam::Settings& settings) {
+  settings.offset_x_px = reader.integer("offset_x_px", settings.offset_x_px, 0, 1 << 16);
+  settings.offset_y_px = reader.integer("offset_y_px", settings.offset_y_px, 0, 1 << 16);
+  std::vector<std::string> formats;
+  for (const genicam::PixelFormat& format : genicam::pixel_formats())
+    formats.push_back(format.name);
+  settings.pixel_format = reader.choice("pixel_format", settings.pixel_format, formats);
+  settings.user_set = reader.text("user_set", settings.user_set);
+  settings.trigger = reader.text("trigger", settings.trigger);
+  settings.trigger_edge =
+      reader.choice("trigger_edge", settings.trigger_edge, {"rising", "falling"});
+  settings.trigger_delay = reader.number("trigger_delay", settings.trigger_delay, {0, 100, "s"});
+  settings.exposure_output = reader.text("exposure_output", settings.exposure_output);
+  for (const std::string& feature : reader.texts("features"))
+    settings.features.push_back(feature_of(reader, feature));
+  settings.device_clock =
+      reader.choice("device_clock", settings.device_clock, {"latch", "arrivals", "none"});
+  settings.stamps_the_end = reader.choice("stamps", "exposure_start",
+                                          {"exposure_start", "exposure_end"}) == "exposure_end";
+  settings.readout = reader.number("readout", settings.readout, {0, 10, "s"});
+}
+
 }  // namespace
 
 // A packet is a UDP datagram: 576 bytes pass everywhere, 9000 are a jumbo frame. A socket's buffer
@@ -45,6 +82,7 @@ Opener<Camera> read_genicam(const InstrumentReader& instrument) {
   settings.socket_buffer =
       reader.integer("socket_buffer", settings.socket_buffer, 1 << 12, 1 << 28);
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
+  read_genicam_extras(reader, settings);
   check_settings(instrument, settings);
   const double link_rate = reader.number("link_rate", 1e9, {1e6, 1e12, ""});  // bit/s
   instrument.links.loads.push_back({instrument.role, "an image",
@@ -105,6 +143,8 @@ Opener<Camera> read_opencv_camera(const InstrumentReader& instrument) {
   settings.width_px = reader.integer("width_px", 0, 0, 1 << 16);
   settings.height_px = reader.integer("height_px", 0, 0, 1 << 16);
   settings.frame_rate = reader.number("frame_rate", 0, {0, 1e4, "Hz"});
+  settings.exposure = reader.number("exposure", 0, {0, 100, "s"});
+  if (reader.has("gain")) settings.gain = reader.integer("gain", 0, 0, 1 << 16);
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
   check_settings(instrument, settings);
   // Which format and bus the system's camera sends its images by is not known here.

@@ -29,8 +29,8 @@ namespace {
 
 constexpr int kStartMs = 20000;  // of a Python on a busy machine
 
-std::string server() {
-  return (std::filesystem::path(__FILE__).parent_path() / "../../doubles/serve.py").string();
+std::string server(const std::string& script = "serve.py") {
+  return (std::filesystem::path(__FILE__).parent_path() / "../../doubles" / script).string();
 }
 
 std::vector<std::string> words_of(const std::string& instrument,
@@ -66,6 +66,13 @@ DoubleProcess DoubleProcess::on_socket(const std::string& instrument,
   words.emplace_back("--socket");
   words.push_back(folder + "/s");
   return DoubleProcess(words, "");
+}
+
+DoubleProcess DoubleProcess::of_server(const std::string& script,
+                                       const std::vector<std::string>& words) {
+  std::vector<std::string> all{"python3", "-B", server(script)};
+  all.insert(all.end(), words.begin(), words.end());
+  return DoubleProcess(all, "");
 }
 
 DoubleProcess::DoubleProcess(const std::vector<std::string>& words, const std::string& prefix) {

@@ -24,6 +24,9 @@ class DoubleProcess {
   /// On a Unix socket, for HID and USB.
   static DoubleProcess on_socket(const std::string& instrument,
                                  const std::vector<std::string>& options = {});
+  /// A server of its own in the folder of the doubles, with its words; the address is what it
+  /// prints first.
+  static DoubleProcess of_server(const std::string& script, const std::vector<std::string>& words);
   ~DoubleProcess();
   DoubleProcess(DoubleProcess&& other) noexcept;
   DoubleProcess& operator=(DoubleProcess&&) = delete;
