@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace vitreo {
 
@@ -31,6 +33,8 @@ struct CameraInfo {
   double frame_period = 0;  ///< s
   /// m of the observed plane (the aerial image for a microscope on the eye) per pixel.
   double effective_pixel = 0;
+  /// What the camera itself said when it was opened, in its own names and units; for the record.
+  std::vector<std::pair<std::string, std::string>> settings{};
 };
 
 /// Counts of frames since the camera was opened.
