@@ -12,6 +12,7 @@
 
 #ifdef VITREO_HAVE_DC1394
 #include "devices/instruments/iidc/features.h"
+#include "devices/instruments/iidc/region.h"
 
 #include <opencv2/core.hpp>
 
@@ -58,24 +59,12 @@ namespace {
 
 /// s after which a camera is lost.
 constexpr double kSilence = 0.45;
-/// Isochronous cycles a second of IEEE 1394, each with one packet of the camera.
-constexpr double kCycles = 8000;
-/// libdc1394 describes eight packets to Linux at once, in 16 bits.
-constexpr std::uint32_t kLargestPacket = 0xFFFF / 8;
 /// Frames of the DMA ring.
 constexpr unsigned kBuffers = 8;
-/// Format 7 is the one of free regions; its mode 0 has the sensor's full resolution.
-constexpr dc1394video_mode_t kMode = DC1394_VIDEO_MODE_FORMAT7_0;
 /// FRAME_INTERVAL_INQ of Format 7 (IIDC 1.31): s, in single precision.
 constexpr std::uint64_t kFrameInterval = 0x50;
 /// How long a stop may have to wait for a frame.
 constexpr Time kSlice = std::chrono::milliseconds(50);
-
-/// The nearest multiples of a unit about a number: "640 or 644".
-std::string multiples(std::uint32_t number, std::uint32_t unit) {
-  const std::uint32_t below = number / unit * unit;
-  return std::to_string(below) + " or " + std::to_string(below + unit);
-}
 
 /// Frames arrive by DMA in a ring of the kernel's; the driver takes all that wait and keeps the
 /// last.
@@ -136,8 +125,8 @@ class IidcCamera final : public Camera {
     features.need(dc1394_video_set_transmission(camera_.get(), DC1394_OFF), "transmission");
     set_speed(features);
     features.need(dc1394_video_set_mode(camera_.get(), kMode), "Format 7, mode 0");
-    set_region(features);
-    set_packets(features);
+    set_region(*camera_, features, settings_);
+    transfer_ = set_packets(*camera_, features, settings_);
     features.set_manual();
     exposure_ = features.set_shutter(settings_.exposure, settings_.shutter_unit);
     const double gain = features.set_gain(settings_.gain);
@@ -173,86 +162,6 @@ class IidcCamera final : public Camera {
     if (list->num == 0) fail(DeviceErrorKind::not_found, "no FireWire camera is plugged in");
     if (list->num > 1) fail(DeviceErrorKind::not_found, "there are several; say which by its guid");
     return list->ids[0].guid;
-  }
-
-  /// In the sensor's middle, in the camera's own steps.
-  void set_region(const Features& features) {
-    std::uint32_t width = 0;
-    std::uint32_t height = 0;
-    features.need(dc1394_format7_get_max_image_size(camera_.get(), kMode, &width, &height),
-                  "width_px");
-    const auto x = static_cast<std::uint32_t>(settings_.width_px);
-    const auto y = static_cast<std::uint32_t>(settings_.height_px);
-    if (x > width || y > height)
-      features.refuse("width_px, height_px: the sensor has " + std::to_string(width) + " x " +
-                      std::to_string(height));
-    std::uint32_t step_x = 0;
-    std::uint32_t step_y = 0;
-    features.need(dc1394_format7_get_unit_size(camera_.get(), kMode, &step_x, &step_y), "width_px");
-    step_x = std::max(1U, step_x);
-    step_y = std::max(1U, step_y);
-    if (x % step_x != 0)
-      features.refuse("width_px: the camera takes multiples of " + std::to_string(step_x) + ": " +
-                      multiples(x, step_x));
-    if (y % step_y != 0)
-      features.refuse("height_px: the camera takes multiples of " + std::to_string(step_y) + ": " +
-                      multiples(y, step_y));
-    place_region(features, (width - x) / 2, (height - y) / 2, {step_x, step_y});
-  }
-  // The steps of a position may be others than those of a size; 0 says that they are not.
-  void place_region(const Features& features, std::uint32_t left, std::uint32_t top,
-                    std::pair<std::uint32_t, std::uint32_t> step) {
-    std::uint32_t step_x = 0;
-    std::uint32_t step_y = 0;
-    if (dc1394_format7_get_unit_position(camera_.get(), kMode, &step_x, &step_y) != DC1394_SUCCESS)
-      step_x = step_y = 0;
-    if (step_x == 0) step_x = step.first;
-    if (step_y == 0) step_y = step.second;
-    const auto x = static_cast<std::int32_t>(left / step_x * step_x);
-    const auto y = static_cast<std::int32_t>(top / step_y * step_y);
-    features.need(
-        dc1394_format7_set_roi(camera_.get(), kMode, DC1394_COLOR_CODING_MONO8,
-                               DC1394_USE_MAX_AVAIL, x, y, settings_.width_px, settings_.height_px),
-        "width_px, height_px");
-    dc1394color_coding_t coding{};
-    std::uint32_t packet = 0, left_px = 0, top_px = 0, width = 0, height = 0;
-    features.need(dc1394_format7_get_roi(camera_.get(), kMode, &coding, &packet, &left_px, &top_px,
-                                         &width, &height),
-                  "width_px, height_px");
-    if (coding != DC1394_COLOR_CODING_MONO8)
-      features.refuse("the camera has no gray of 8 bits in Format 7, mode 0");
-    if (static_cast<int>(width) != settings_.width_px ||
-        static_cast<int>(height) != settings_.height_px)
-      features.refuse("width_px, height_px: the camera kept " + std::to_string(width) + " x " +
-                      std::to_string(height));
-  }
-
-  /// In Format 7 the packets set the frame rate: an image takes as many cycles as it has packets.
-  void set_packets(const Features& features) {
-    std::uint32_t unit = 0;
-    std::uint32_t most = 0;
-    features.need(dc1394_format7_get_packet_parameters(camera_.get(), kMode, &unit, &most),
-                  "frame_rate");
-    unit = std::max(1U, unit);
-    most = std::min(most, kLargestPacket) / unit * unit;
-    const double bytes = static_cast<double>(settings_.width_px) * settings_.height_px;
-    const double cycles = std::floor(kCycles / settings_.frame_rate);
-    const double packet = std::ceil(bytes / std::max(1.0, cycles) / unit) * unit;
-    if (!(cycles >= 1 && packet <= most))
-      features.refuse("frame_rate: the bus carries this region " +
-                      text_of(kCycles / std::ceil(bytes / std::max(1U, most))) +
-                      " times a second at most");
-    const auto wanted = static_cast<std::uint32_t>(packet);
-    features.need(dc1394_format7_set_packet_size(camera_.get(), kMode, wanted), "frame_rate");
-    std::uint32_t kept = 0;
-    std::uint32_t packets = 0;
-    features.need(dc1394_format7_get_packet_size(camera_.get(), kMode, &kept), "frame_rate");
-    features.need(dc1394_format7_get_packets_per_frame(camera_.get(), kMode, &packets),
-                  "frame_rate");
-    if (kept != wanted)
-      features.refuse("frame_rate: packets of " + std::to_string(wanted) + " bytes became " +
-                      std::to_string(kept) + " in the camera");
-    transfer_ = packets / kCycles;
   }
 
   /// s between frames: by the camera's own account, where it gives one, else as long as whatever

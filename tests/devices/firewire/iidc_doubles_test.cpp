@@ -12,6 +12,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <ostream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -81,6 +82,10 @@ struct Way {
   std::uint32_t sub_version = 0;
   int level = 102;  ///< 20000 gray levels a second for 5 ms, and a brightness of 8 quarters
 };
+std::ostream& operator<<(std::ostream& out, const Way& way) {
+  for (const std::string& option : way.options) out << option << " ";
+  return out << "IIDC 1.3" << way.sub_version / 16;
+}
 class IidcDouble : public testing::TestWithParam<Way> {};
 
 // The gray level shows that shutter and gain have reached the sensor.
