@@ -1,4 +1,4 @@
-"""An IIDC (DCAM) camera without absolute control: Basler A620f and A602f, as a map of registers.
+"""An IIDC (DCAM) camera, as a map of registers: Basler A620f and A602f, which have no absolute control; on demand one that has.
 
 Offsets are counted in bytes from FFFF F0F0 0000. Bit 0 is the most significant one, as in the manuals.
 
@@ -11,10 +11,15 @@ Sources, named by their letters at the lines below:
 SPDX-License-Identifier: Apache-2.0
 """
 
+import math
 import struct
 
 from double import Refused, RegisterDouble
 
+SHUTTER, GAIN = 0x81C, 0x820
+SHUTTER_UNIT = 20e-6  # A620 4-24
+# F, LIB: where absolute values stand is the camera's choice, told in quadlets from FFFF F000 0000; minimum, maximum, value.
+ABSOLUTE = {SHUTTER: 0x1100000, GAIN: 0x1100010}
 FORMAT_7 = 0x1000000  # A620 4-29: the registers of format 7, mode 0 stand at FFFF F1F0 0000
 MODELS = {
     # width, height, step of width, gain max and default, factor at the greatest gain, brightness max and default
@@ -39,6 +44,13 @@ class Iidc(RegisterDouble):
         "trigger_fixed_on": False,
         "one_shot_delay": 0.001,  # A600 3-7: "there will be some delay" after a one-shot command; no source for how long
         "pixels": True,  # images with their bytes
+        # A camera as the Grasshopper, whose shutter and gain take s and dB (F). Its ranges here are the A620f's.
+        "absolute": False,
+        # Shutter and gain choose for themselves at power-up (F: bit 6 of the inquiry, bit 7 of the value).
+        "automatic": False,
+        # LIB format7.c: from IIDC 1.30 on a host sets bit 1 of 07C and reads it until it is clear; bit 8 says that the area
+        # cannot be. A camera without it reads 0. no source that an A620f has it.
+        "handshake": True,
     }
     STATE = (
         "registers", "transmitting", "images_left", "light", "exposures", "lost_triggers", "resets",
@@ -66,6 +78,9 @@ class Iidc(RegisterDouble):
         self._exposing_until = now
         self.transmitting, self.images_left = False, 0
         self._next_exposure = None
+        self._area_refused = False
+        # The bits of a feature's value that a host may change: absolute control, automatic.
+        self._control = {offset: bit(7) if self.automatic else 0 for offset in (SHUTTER, GAIN)}
 
     # -- registers -----------------------------------------------------------------------------------------
 
@@ -97,13 +112,18 @@ class Iidc(RegisterDouble):
             FORMAT_7 + 0x40: 4 << 16 | 4096,  # A620 4-32: step 4, most 4096
             FORMAT_7 + 0x48: self._packets(), FORMAT_7 + 0x4C: unit << 16 | 1,
             FORMAT_7 + 0x50: struct.unpack(">I", struct.pack(">f", self._period()))[0],  # A620 4-34: seconds, IEEE 754
-            FORMAT_7 + 0x54: 8 << 24, FORMAT_7 + 0x7C: bit(0) | bit(1),
+            FORMAT_7 + 0x54: 8 << 24,
+            FORMAT_7 + 0x7C: (bit(0) | (bit(8) if self._area_refused else 0)) if self.handshake else 0,
         }
+        if offset in (0x51C, 0x520):  # F: bit 1 absolute, bit 6 automatic
+            return fixed[offset] | (bit(1) if self.absolute else 0) | (bit(6) if self.automatic else 0)
         if offset in fixed:
             return fixed[offset]
+        if self.absolute and (found := self._absolute(offset)) is not None:
+            return found
         value = self.registers.get(offset, 0)
         if offset in (0x800, 0x81C, 0x820):
-            value |= bit(0) | bit(6)  # A620 4-23: present, no absolute control, on, manual
+            value |= bit(0) | bit(6) | self._control.get(offset, 0)  # A620 4-23: present, no absolute control, on, manual
         if offset == 0x830:
             value |= bit(0)
         return value
@@ -120,6 +140,10 @@ class Iidc(RegisterDouble):
             inquiry = self.read(0x500 + offset - 0x800, now)
             # no source for a value beyond: the nearest that is allowed. Read-only fields are left as they are.
             number = min(max(value & 0xFFF, inquiry >> 12 & 0xFFF), inquiry & 0xFFF)
+            if offset in self._control:
+                self._control[offset] = value & ((bit(1) if self.absolute else 0) | (bit(7) if self.automatic else 0))
+                if self._control[offset]:
+                    return  # F: the other control, or the camera itself, has the value
             self.registers[offset] = number
         elif offset == 0x830:
             # A620 4-26: on, polarity, source, mode; presence and absolute control are read only
@@ -136,10 +160,42 @@ class Iidc(RegisterDouble):
         elif offset == FORMAT_7 + 0x44:
             packet = min(max(value >> 16 & ~3, 4), 4096)  # A620 4-32
             self.registers[offset] = packet << 16
+        elif offset == FORMAT_7 + 0x7C:
+            pass  # LIB: bit 1 clears itself; here at once
         elif offset in self.registers:
             self.registers[offset] = value
+        elif self.absolute and offset - 8 in ABSOLUTE.values():
+            self._set_absolute(offset - 8, value)
         else:
             self.tell(now, "no such register", offset)
+
+    def _in_units(self, feature, counts):
+        """Seconds of a shutter, dB of a gain."""
+        if feature == SHUTTER:
+            return counts * SHUTTER_UNIT
+        _, _, _, gain_max, _, factor, _, _ = MODELS[self.model]
+        return 20 * math.log10(1 + counts * (factor - 1) / gain_max)
+
+    def _absolute(self, offset):
+        """F: where the values stand, from 700 on; least, most and current value, IEEE 754."""
+        for feature, place in ABSOLUTE.items():
+            if offset == feature - 0x100:
+                return (0xF00000 + place) // 4
+            if offset in (place, place + 4, place + 8):
+                limits = self.read(feature - 0x300, self.now)
+                counts = (limits >> 12 & 0xFFF, limits & 0xFFF, self.registers[feature])[(offset - place) // 4]
+                return struct.unpack(">I", struct.pack(">f", self._in_units(feature, counts)))[0]
+        return None
+
+    def _set_absolute(self, place, value):
+        """The nearest that the camera can; without effect unless absolute control is on."""
+        feature = next(each for each, where in ABSOLUTE.items() if where == place)
+        if not self._control[feature] & bit(1) or self._control[feature] & bit(7):
+            return
+        (wanted,) = struct.unpack(">f", struct.pack(">I", value))
+        limits = self.read(feature - 0x300, self.now)
+        counts = range(limits >> 12 & 0xFFF, (limits & 0xFFF) + 1)
+        self.registers[feature] = min(counts, key=lambda each: abs(self._in_units(feature, each) - wanted))
 
     def _area(self, offset, value, now):
         width, height, unit = MODELS[self.model][:3]
@@ -149,15 +205,19 @@ class Iidc(RegisterDouble):
         # F of IIDC: the area has to lie in the sensor; no source for what the camera does with another: it keeps the old
         if high % unit or left + wide > width or top + tall > height or (offset == FORMAT_7 + 0x0C and 0 in (high, low)):
             self.tell(now, "refused area", [high, low])
+            self._area_refused = True
             return
+        self._area_refused = False
         self.registers[offset] = value
 
     # -- images --------------------------------------------------------------------------------------------
 
     @property
     def exposure(self):
-        """Seconds; A620 4-24: value x 20 us."""
-        return self.registers[0x81C] * 20e-6
+        """Seconds; A620 4-24: value x 20 us. By itself: no source; here for a gray of 128 at a gain of 1."""
+        if self._control[SHUTTER] & bit(7):
+            return min(max(128 / max(self.light, 1e-3), SHUTTER_UNIT), 4095 * SHUTTER_UNIT)
+        return self.registers[SHUTTER] * SHUTTER_UNIT
 
     def _format(self):
         return self.registers[0x608] >> 29

@@ -108,6 +108,42 @@ class IidcTest(unittest.TestCase):
         self.put(0x000, 0x80000000)
         self.assertEqual(self.get(0x81C) & 0xFFF, 200)
 
+    def test_the_handshake_clears_itself_and_tells_a_refused_area(self):
+        self.put(FORMAT_7 + 0x7C, 0x40000000)
+        self.assertEqual(self.get(FORMAT_7 + 0x7C), 0x80000000)
+        self.put(FORMAT_7 + 0x0C, 641 << 16 | 480)
+        self.assertEqual(self.get(FORMAT_7 + 0x7C), 0x80800000)
+        self.put(FORMAT_7 + 0x0C, 640 << 16 | 480)
+        self.assertEqual(self.get(FORMAT_7 + 0x7C), 0x80000000)
+
+    def test_absolute_values_on_demand(self):
+        def real(bits):
+            return struct.unpack(">f", struct.pack(">I", bits))[0]
+
+        self.assertEqual(self.get(0x71C), 0)
+        camera = Iidc(absolute=True)
+        self.assertTrue(camera.read(0x51C, 0.0) & 0x40000000)
+        place = camera.read(0x71C, 0.0) * 4 - 0xF00000
+        self.assertAlmostEqual(real(camera.read(place, 0.0)), 20e-6)
+        self.assertAlmostEqual(real(camera.read(place + 4, 0.0)), 81.9e-3, places=6)
+        wanted = struct.unpack(">I", struct.pack(">f", 5.007e-3))[0]
+        camera.write(place + 8, wanted, 0.0)
+        self.assertAlmostEqual(camera.exposure, 0.004)  # absolute control is off
+        camera.write(0x81C, 0xC2000000, 0.0)
+        camera.write(place + 8, wanted, 0.0)
+        self.assertAlmostEqual(camera.exposure, 5e-3)
+        gain = camera.read(0x720, 0.0) * 4 - 0xF00000
+        self.assertAlmostEqual(real(camera.read(gain + 4, 0.0)), 20.2, delta=0.01)  # page 4-25
+
+    def test_automatic_on_demand(self):
+        camera = Iidc(automatic=True)
+        camera.light = 6400.0
+        self.assertAlmostEqual(camera.exposure, 0.02)
+        camera.write(0x81C, camera.read(0x81C, 0.0) & ~0xFFF | 500, 0.0)
+        self.assertAlmostEqual(camera.exposure, 0.02)
+        camera.write(0x81C, 0x82000000 | 500, 0.0)
+        self.assertAlmostEqual(camera.exposure, 500 * 20e-6)
+
     def test_the_a602f(self):
         camera = Iidc(model="a602f")
         self.assertEqual(camera.read(0x520, 0.0) & 0xFFF, 255)

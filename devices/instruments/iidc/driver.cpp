@@ -1,4 +1,4 @@
-// Driver of IIDC cameras; the only file that includes libdc1394.
+// Driver of IIDC cameras: the bus, the region, the frames.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/iidc/driver.h"
 
@@ -11,8 +11,12 @@
 #include <utility>
 
 #ifdef VITREO_HAVE_DC1394
+#include "devices/instruments/iidc/features.h"
+#include "devices/instruments/iidc/region.h"
+
 #include <opencv2/core.hpp>
 
+#include <bit>
 #include <chrono>
 #include <dc1394/dc1394.h>
 #include <optional>
@@ -35,6 +39,8 @@ void Settings::check() const {
   if (!(exposure > 0 && exposure <= 100))
     throw std::invalid_argument("exposure: must be in (0, 100] s");
   if (!std::isfinite(gain)) throw std::invalid_argument("gain: must be finite");
+  if (!(shutter_unit >= 0 && shutter_unit <= 1))
+    throw std::invalid_argument("shutter_unit: must be in [0, 1] s");
   if (!(effective_pixel > 0 && effective_pixel < 1))
     throw std::invalid_argument("effective_pixel: must be in (0, 1) m");
 }
@@ -53,12 +59,10 @@ namespace {
 
 /// s after which a camera is lost.
 constexpr double kSilence = 0.45;
-/// Isochronous cycles a second of IEEE 1394, each with one packet of the camera.
-constexpr double kCycles = 8000;
 /// Frames of the DMA ring.
 constexpr unsigned kBuffers = 8;
-/// Format 7 is the one of free regions; its mode 0 has the sensor's full resolution.
-constexpr dc1394video_mode_t kMode = DC1394_VIDEO_MODE_FORMAT7_0;
+/// FRAME_INTERVAL_INQ of Format 7 (IIDC 1.31): s, in single precision.
+constexpr std::uint64_t kFrameInterval = 0x50;
 /// How long a stop may have to wait for a frame.
 constexpr Time kSlice = std::chrono::milliseconds(50);
 
@@ -70,17 +74,15 @@ class IidcCamera final : public Camera {
       : settings_(settings),
         clock_(clock),
         library_(nullptr, dc1394_free),
-        camera_(nullptr, dc1394_camera_free) {
+        camera_(nullptr, dc1394_camera_free),
+        running_(nullptr, stop) {
     clock_.outside([this] { start(); });
     heard_ = clock_.now();
   }
   IidcCamera(const IidcCamera&) = delete;
   IidcCamera& operator=(const IidcCamera&) = delete;
   ~IidcCamera() override {
-    clock_.outside([this] {
-      dc1394_video_set_transmission(camera_.get(), DC1394_OFF);
-      dc1394_capture_stop(camera_.get());
-    });
+    clock_.outside([this] { running_.reset(); });
   }
   const CameraInfo& info() const override { return info_; }
   CameraStatistics statistics() const override { return statistics_; }
@@ -93,7 +95,7 @@ class IidcCamera final : public Camera {
     for (;;) {
       if (auto frame = newest()) return *std::move(frame);
       const Time now = clock_.now();
-      if (to_seconds(now - heard_) > std::max(kSilence, 5 / settings_.frame_rate)) {
+      if (to_seconds(now - heard_) > std::max(kSilence, 5 * info_.frame_period)) {
         lost_ = true;
         fail(DeviceErrorKind::lost, "it has fallen silent");
       }
@@ -107,40 +109,54 @@ class IidcCamera final : public Camera {
   [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
     throw DeviceError(kind, settings_.name, what);
   }
-  /// libdc1394's error, under the name of the setting.
-  void need(dc1394error_t code, const char* setting) const {
-    if (code != DC1394_SUCCESS)
-      fail(DeviceErrorKind::refused, std::string(setting) + ": " + dc1394_error_get_string(code));
+  static void stop(dc1394camera_t* camera) {
+    dc1394_video_set_transmission(camera, DC1394_OFF);
+    dc1394_capture_stop(camera);
   }
 
   // The order is libdc1394's: bus speed, mode, region, features, then the ring, and transmission
-  // last.
+  // last. A program that crashed may have left the camera transmitting.
   void start() {
     library_.reset(dc1394_new());
     if (!library_) fail(DeviceErrorKind::not_found, "there is no FireWire bus");
     camera_.reset(dc1394_camera_new(library_.get(), guid()));
     if (!camera_) fail(DeviceErrorKind::not_found, "it does not answer, or another program has it");
+    Features features(*camera_, settings_.name);
+    features.need(dc1394_video_set_transmission(camera_.get(), DC1394_OFF), "transmission");
+    set_speed(features);
+    features.need(dc1394_video_set_mode(camera_.get(), kMode), "Format 7, mode 0");
+    set_region(*camera_, features, settings_);
+    transfer_ = set_packets(*camera_, features, settings_);
+    features.set_manual();
+    exposure_ = features.set_shutter(settings_.exposure, settings_.shutter_unit);
+    const double gain = features.set_gain(settings_.gain);
+    describe(features, gain);
+    need_ring(dc1394_capture_setup(camera_.get(), kBuffers, DC1394_CAPTURE_FLAGS_DEFAULT));
+    running_.reset(camera_.get());
+    features.need(dc1394_video_set_transmission(camera_.get(), DC1394_ON), "transmission");
+  }
+  void set_speed(const Features& features) {
     if (settings_.fast_bus)
-      need(dc1394_video_set_operation_mode(camera_.get(), DC1394_OPERATION_MODE_1394B), "fast_bus");
-    need(dc1394_video_set_iso_speed(
-             camera_.get(), settings_.fast_bus ? DC1394_ISO_SPEED_800 : DC1394_ISO_SPEED_400),
-         "fast_bus");
-    need(dc1394_video_set_mode(camera_.get(), kMode), "Format 7, mode 0");
-    set_region();
-    apply_feature(DC1394_FEATURE_SHUTTER, settings_.exposure, "exposure");
-    apply_feature(DC1394_FEATURE_GAIN, settings_.gain, "gain");
-    need(dc1394_capture_setup(camera_.get(), kBuffers, DC1394_CAPTURE_FLAGS_DEFAULT),
-         "the DMA ring");
-    need(dc1394_video_set_transmission(camera_.get(), DC1394_ON), "transmission");
-    info_ = {std::string(camera_->vendor) + " " + camera_->model, settings_.width_px,
-             settings_.height_px, 1 / settings_.frame_rate, settings_.effective_pixel};
+      features.need(dc1394_video_set_operation_mode(camera_.get(), DC1394_OPERATION_MODE_1394B),
+                    "fast_bus");
+    features.need(
+        dc1394_video_set_iso_speed(
+            camera_.get(), settings_.fast_bus ? DC1394_ISO_SPEED_800 : DC1394_ISO_SPEED_400),
+        "fast_bus");
+  }
+  void need_ring(dc1394error_t code) const {
+    if (code == DC1394_SUCCESS) return;
+    fail(DeviceErrorKind::refused,
+         std::string("the DMA ring: ") + dc1394_error_get_string(code) +
+             "; cameras on one bus share what it carries: lower frame_rate or the region");
   }
 
   /// The 64 bits by which a FireWire device is known, in any port.
   std::uint64_t guid() const {
     if (!settings_.guid.empty()) return std::stoull(settings_.guid, nullptr, 16);
     dc1394camera_list_t* found = nullptr;
-    need(dc1394_camera_enumerate(library_.get(), &found), "looking for cameras");
+    if (dc1394_camera_enumerate(library_.get(), &found) != DC1394_SUCCESS)
+      fail(DeviceErrorKind::not_found, "the FireWire bus cannot be searched");
     const std::unique_ptr<dc1394camera_list_t, decltype(&dc1394_camera_free_list)> list(
         found, dc1394_camera_free_list);
     if (list->num == 0) fail(DeviceErrorKind::not_found, "no FireWire camera is plugged in");
@@ -148,41 +164,24 @@ class IidcCamera final : public Camera {
     return list->ids[0].guid;
   }
 
-  /// In the sensor's middle. In Format 7 the packet's size sets the frame rate: bytes of an image
-  /// times the rate, over 8000 packets a second, rounded up to the camera's unit.
-  void set_region() {
-    std::uint32_t width = 0;
-    std::uint32_t height = 0;
-    std::uint32_t unit = 0;
-    std::uint32_t most = 0;
-    need(dc1394_format7_get_max_image_size(camera_.get(), kMode, &width, &height), "width_px");
-    const auto x = static_cast<std::uint32_t>(settings_.width_px);
-    const auto y = static_cast<std::uint32_t>(settings_.height_px);
-    if (x > width || y > height)
-      fail(DeviceErrorKind::refused, "width_px, height_px: the sensor has " +
-                                         std::to_string(width) + " x " + std::to_string(height));
-    // Positions are multiples of a few pixels: 8 suits every camera.
-    need(dc1394_format7_set_roi(camera_.get(), kMode, DC1394_COLOR_CODING_MONO8,
-                                DC1394_USE_MAX_AVAIL,
-                                static_cast<std::int32_t>((width - x) / 2 / 8 * 8),
-                                static_cast<std::int32_t>((height - y) / 2 / 8 * 8),
-                                settings_.width_px, settings_.height_px),
-         "width_px, height_px");
-    need(dc1394_format7_get_packet_parameters(camera_.get(), kMode, &unit, &most), "frame_rate");
-    const double wanted = static_cast<double>(x) * y * settings_.frame_rate / kCycles;
-    const auto packet =
-        static_cast<std::uint32_t>(std::ceil(wanted / std::max(1U, unit))) * std::max(1U, unit);
-    if (packet > most) fail(DeviceErrorKind::refused, "frame_rate: the bus cannot carry it");
-    need(dc1394_format7_set_packet_size(camera_.get(), kMode, packet), "frame_rate");
+  /// s between frames: by the camera's own account, where it gives one, else as long as whatever
+  /// takes longer. libdc1394's function for it takes the number's bits for a whole number.
+  double frame_period() const {
+    std::uint32_t bits = 0;
+    if (dc1394_get_format7_register(camera_.get(), kMode, kFrameInterval, &bits) ==
+        DC1394_SUCCESS) {
+      const auto stated = static_cast<double>(std::bit_cast<float>(bits));
+      if (stated >= 1 / kCycles && stated <= 1e3) return stated;
+    }
+    return std::max(transfer_, exposure_);
   }
-
-  /// By absolute values (s, dB). The Basler A620f and AVT's Guppy and Pike have none, and are
-  /// refused here.
-  void apply_feature(dc1394feature_t feature, double value, const char* setting) {
-    need(dc1394_feature_set_mode(camera_.get(), feature, DC1394_FEATURE_MODE_MANUAL), setting);
-    need(dc1394_feature_set_absolute_control(camera_.get(), feature, DC1394_ON), setting);
-    need(dc1394_feature_set_absolute_value(camera_.get(), feature, static_cast<float>(value)),
-         setting);
+  void describe(const Features& features, double gain) {
+    info_ = {std::string(camera_->vendor == nullptr ? "" : camera_->vendor) + " " +
+                 (camera_->model == nullptr ? "" : camera_->model),
+             settings_.width_px, settings_.height_px, frame_period(), settings_.effective_pixel};
+    info_.settings = {{"exposure (s)", text_of(exposure_)},
+                      {"gain (" + std::string(features.gain_unit()) + ")", text_of(gain)},
+                      {"frame period (s)", text_of(info_.frame_period)}};
   }
 
   /// Until a frame is in the ring, outside the clock's baton.
@@ -194,11 +193,12 @@ class IidcCamera final : public Camera {
     });
   }
 
-  /// Of the frames that wait in the ring, the last one that is whole.
-  /// At most once round the ring, so that a camera that is faster than this loop cannot hold it.
+  /// Of the frames that wait in the ring, the last one that is whole. A ring that was full holds
+  /// the first frames since then, not the last ones: none of these is the newest.
   std::optional<Frame> newest() {
     std::optional<Frame> latest;
-    for (unsigned i = 0; i < kBuffers; ++i) {
+    unsigned taken = 0;
+    for (; taken < kBuffers; ++taken) {
       dc1394video_frame_t* raw = nullptr;
       if (dc1394_capture_dequeue(camera_.get(), DC1394_CAPTURE_POLICY_POLL, &raw) !=
           DC1394_SUCCESS) {
@@ -207,36 +207,64 @@ class IidcCamera final : public Camera {
       }
       if (raw == nullptr) break;
       heard_ = clock_.now();
-      ++count_;
-      if (dc1394_capture_is_frame_corrupt(camera_.get(), raw) == DC1394_TRUE)
+      // The image is copied in there, for the ring's buffer goes back to the kernel.
+      latest = frame_of(*raw);
+      // Cameras on USB tell; on FireWire libdc1394 never does (docs/instruments.md).
+      if (dc1394_capture_is_frame_corrupt(camera_.get(), raw) == DC1394_TRUE) {
         ++statistics_.torn;
-      else
-        // The image is copied in there, for the ring's buffer goes back to the kernel.
-        latest = frame_of(*raw);
+        --statistics_.delivered;
+        latest.reset();
+      }
       dc1394_capture_enqueue(camera_.get(), raw);
     }
+    if (taken == kBuffers) latest.reset();
     return latest;
   }
+
+  // The time stamp is the wall clock's (in us) when the first packet came, which is when the
+  // exposure ended; 0: not known.
   Frame frame_of(const dc1394video_frame_t& raw) {
-    ++statistics_.delivered;
-    // Its time stamp is the wall clock's (in us) when the last byte had come.
     using Clocks = std::chrono::system_clock;
-    const Time age =
-        std::max(Time::zero(), std::chrono::duration_cast<Time>(Clocks::now().time_since_epoch()) -
-                                   Time(std::chrono::microseconds(raw.timestamp)));
-    const Time received = clock_.now() - age;
+    const Time now = clock_.now();
+    Time first = now - from_seconds(transfer_);
+    if (raw.timestamp != 0)
+      first = now - std::max(Time::zero(),
+                             std::chrono::duration_cast<Time>(Clocks::now().time_since_epoch()) -
+                                 Time(std::chrono::microseconds(raw.timestamp)));
+    count(first);
     const cv::Mat image(static_cast<int>(raw.size[1]), static_cast<int>(raw.size[0]), CV_8U,
                         raw.image, raw.stride);
-    return {image.clone(), count_ - 1, received - from_seconds(settings_.exposure / 2), received};
+    return {image.clone(), number_, first - from_seconds(exposure_ / 2),
+            std::min(now, first + from_seconds(transfer_))};
+  }
+
+  /// IIDC numbers no frames: those that did not come show by their time. The period is the stated
+  /// one unless the camera never was that fast.
+  void count(Time first) {
+    if (statistics_.delivered++ != 0) {
+      const double passed = to_seconds(first - last_);
+      shortest_ = std::min(shortest_, passed);
+      const double period = std::max(info_.frame_period, shortest_);
+      const auto steps =
+          static_cast<std::uint64_t>(std::max<std::int64_t>(1, std::llround(passed / period)));
+      number_ += steps;
+      statistics_.lost += steps - 1;
+    }
+    last_ = first;
   }
 
   const Settings settings_;
   Clock& clock_;
   std::unique_ptr<dc1394_t, decltype(&dc1394_free)> library_;
   std::unique_ptr<dc1394camera_t, decltype(&dc1394_camera_free)> camera_;
+  std::unique_ptr<dc1394camera_t, decltype(&stop)> running_;  ///< with its ring
   CameraInfo info_;
   CameraStatistics statistics_;
-  std::uint64_t count_ = 0;
+  double exposure_ = 0;    ///< s, as the camera has it
+  double transfer_ = 0;    ///< s from the first to the last packet of a frame
+  double shortest_ = 1e9;  ///< s between two frames so far
+  std::uint64_t number_ = 0;
+  Time last_{};  ///< the first packet of the frame before
   Time heard_{};
   bool lost_ = false;
 };

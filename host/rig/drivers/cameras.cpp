@@ -104,7 +104,8 @@ Opener<Camera> read_iidc(const InstrumentReader& instrument) {
   settings.height_px = reader.integer("height_px", settings.height_px, 1, 1 << 14);
   settings.frame_rate = reader.number("frame_rate", settings.frame_rate, {0.01, 1e4, "Hz"});
   settings.exposure = reader.number("exposure", settings.exposure, {1e-6, 100, "s"});
-  settings.gain = reader.number("gain", settings.gain, {0, 1000, ""});
+  settings.shutter_unit = reader.number("shutter_unit", settings.shutter_unit, {0, 1, "s"});
+  settings.gain = reader.number("gain", settings.gain, {0, 4095, ""});  // dB or counts
   settings.fast_bus = reader.flag("fast_bus", settings.fast_bus);
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
   check_settings(instrument, settings);

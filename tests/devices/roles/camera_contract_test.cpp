@@ -237,7 +237,7 @@ TEST(CameraContract, NoticesACameraThatBreaksIt) {
   }
 }
 
-/// All that can be shown without a FireWire bus.
+/// tests/devices/firewire has the rest.
 TEST(Iidc, ChecksItsSettingsAndFindsNoCameraWithoutABus) {
   const auto clock = wall_clock();
   const auto bad = [&](iidc::Settings wrong) {
@@ -249,6 +249,7 @@ TEST(Iidc, ChecksItsSettingsAndFindsNoCameraWithoutABus) {
   bad({.width_px = 0});
   bad({.frame_rate = 0});
   bad({.exposure = -1});
+  bad({.shutter_unit = -1});
   try {
     iidc::open({.guid = "00b09d0100a8f3d1"}, *clock);
     ADD_FAILURE() << "there is a camera";
