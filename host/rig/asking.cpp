@@ -240,6 +240,18 @@ std::string to_text(const AskingPlan& plan) {
   return text + ". Of other instruments nothing is known.\n";
 }
 
+// Of a step that may begin in silence every message waits; of another only the first.
+double longest_time(const AskingPlan& plan) {
+  const double chatter = to_seconds(kAnswerSilence) / 2;
+  double seconds = 0;
+  for (const AskingStep& step : plan.steps) {
+    const std::size_t waits = step.question.may_begin_silent ? step.question.messages.size() : 1;
+    seconds += step.question.opening_pause + chatter +
+               static_cast<double>(waits) * step.question.patience;
+  }
+  return seconds;
+}
+
 AskingResult ask_port(const AskingPlan& plan, const OpenAtRate& open, Clock& clock,
                       const TellStep& tell) {
   AskingResult result;

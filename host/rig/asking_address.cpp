@@ -145,6 +145,18 @@ std::string full_address(const std::string& given) {
   return given.starts_with("/") ? "serial:" + given : given;
 }
 
+AskingPlan plan_for_address(const std::string& given) {
+  const std::string full = full_address(given);
+  if (full == "genicam") return {full, {}, {}};
+  try {
+    const Address address = parse_address(full);
+    const bool port = address.bus == "serial" || address.bus == "tcp";
+    return port ? plan_asking(full, askers_for(address)) : AskingPlan{full, {}, {}};
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(problem.what());
+  }
+}
+
 AskingResult ask_address(const std::string& given, Clock& clock,
                          const std::function<void(const AskingPlan&)>& before,
                          const TellStep& tell) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "host/rig/setting_texts.h"
+#include "host/rig/interview/setting_texts.h"
 
 #include <map>
 

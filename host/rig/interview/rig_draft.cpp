@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "host/rig/rig_draft.h"
+#include "host/rig/interview/rig_draft.h"
 
 #include "host/text/lua_text.h"
 

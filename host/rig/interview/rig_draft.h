@@ -3,7 +3,7 @@
 #pragma once
 
 #include "host/config/config.h"
-#include "host/rig/setting_answer.h"
+#include "host/rig/interview/setting_answer.h"
 
 #include <string>
 #include <vector>

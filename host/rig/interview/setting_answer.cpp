@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "host/rig/setting_answer.h"
+#include "host/rig/interview/setting_answer.h"
 
 #include "host/text/columns.h"
 #include "host/text/lua_text.h"
