@@ -44,26 +44,41 @@ std::string ask_now(const InterviewWorld& world, InterviewState& state,
   }
 }
 
-/// What it would send, how long that may take, and what it risks.
-std::string risk_text(const InterviewWorld& world, const std::string& address) {
-  const AskingPlan plan = world.plan(address);
+std::string drivers_text(const AskingPlan& plan) {
+  std::vector<std::string> names;
+  for (const AskingStep& step : plan.steps)
+    for (const IdentifiedDriver& driver : step.drivers)
+      if (std::find(names.begin(), names.end(), driver.name) == names.end())
+        names.push_back(driver.name);
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+/// Whose questions would be sent, how long that may take, and what it risks.
+std::string risk_text(const AskingPlan& plan) {
   if (plan.steps.empty())
-    return "\n" + address +
-           ": each camera is opened for a moment and tells the size of its images; nothing is set.\n";
-  return "\n" + to_text(plan) +
-         fmt::format("It takes {} s at most, and a few where something answers.\n",
-                     static_cast<int>(std::ceil(longest_time(plan))));
+    return "\n" + plan.address +
+           ": nothing is sent to move or set anything; a camera is opened for a moment, and tells "
+           "the size of its images.\n";
+  std::string risks;
+  for (const std::string& caution : plan.cautions) risks += "  - " + caution + "\n";
+  return fmt::format(
+      "\n{}: whether one of {} is there is found by asking. It takes {} s at most, a few where "
+      "something answers. It moves and energizes none of these instruments, but\n{}  - of other "
+      "instruments nothing is known.\n",
+      plan.address, drivers_text(plan), static_cast<int>(std::ceil(longest_time(plan))), risks);
 }
 
 AskedQuestion ask_question(const InterviewWorld& world, const std::string& address,
                            const std::vector<std::string>& rest) {
+  const AskingPlan plan = world.plan(address);
   AskedQuestion asked;
   asked.question = {
       .key = "ask " + address,
-      .before = risk_text(world, address),
+      .before = risk_text(plan),
       .text = "Ask what is at " + address + "?",
       .help = "Only what answers can be recognized; without it you name driver and address yourself. "
-              "Say no where something is moving, or where the port belongs to another program.",
+              "Say no where something is moving, or where the port belongs to another program.\n" +
+              (plan.steps.empty() ? "" : to_text(plan)),
       .options = {{"yes", "send it"}, {"no", "leave this port alone"}},
       .fallback = "no"};
   if (!rest.empty()) {
@@ -81,6 +96,15 @@ AskedQuestion ask_question(const InterviewWorld& world, const std::string& addre
   return asked;
 }
 
+/// Devices on USB are known by their numbers: nothing is sent to them.
+void take_known(const InterviewWorld& world, InterviewState& state) {
+  for (const Json& row : world.plugged_in) {
+    const std::string bus = row.value("bus", "");
+    if ((bus == "hid" || bus == "usb") && !row.value("driver", "").empty())
+      ask_now(world, state, row["address"]);
+  }
+}
+
 /// One more address, until there is none. What is not listed (TCP, a pseudo-terminal) comes so.
 std::optional<AskedQuestion> another_question(const InterviewWorld& world,
                                               const InterviewState&) {
@@ -96,7 +120,7 @@ std::optional<AskedQuestion> another_question(const InterviewWorld& world,
       .fallback = "none",
       .wanted = "an address, or none"};
   asked.accept = [&world](InterviewState& state, const std::string& typed) {
-    if (typed == "none") return std::string();
+    if (typed == "none") return take_known(world, state), std::string();
     const std::string address = full_address(typed);
     world.plan(address);  // or it is no address
     state.next({[&world, address](const InterviewState&) {
@@ -121,18 +145,20 @@ std::vector<std::string> askable(const Json& rows) {
   return addresses;
 }
 
-/// Devices on USB are known by their numbers: nothing is sent to them.
-void take_known(const InterviewWorld& world, InterviewState& state) {
-  for (const Json& row : world.plugged_in) {
-    const std::string bus = row.value("bus", "");
-    if ((bus == "hid" || bus == "usb") && !row.value("driver", "").empty())
-      ask_now(world, state, row["address"]);
-  }
-}
-
-/// Shown once, with the first of the steps that follow it.
+/// Shown once, with the first of the steps that follow it. What no driver takes (hubs, keyboards, a
+/// device's second address) is left out.
 std::string plugged_in_text(const InterviewWorld& world) {
-  return "\nPlugged in (vitreo devices):\n" + to_text(world.plugged_in);
+  Json rows = Json::array();
+  for (const Json& row : world.plugged_in)
+    if (row.contains("problem") || row.value("bus", "") == "serial" ||
+        !row.value("driver", "").empty())
+      rows.push_back(row);
+  const std::string others =
+      rows.size() < world.plugged_in.size()
+          ? fmt::format("and {} that no driver takes: vitreo devices shows all\n",
+                        world.plugged_in.size() - rows.size())
+          : "";
+  return "\nPlugged in:\n" + to_text(rows) + others;
 }
 
 }  // namespace
@@ -153,10 +179,6 @@ std::vector<InterviewStep> port_steps(const InterviewWorld& world) {
   steps.push_back([&world, first = addresses.empty()](const InterviewState& state) {
     auto asked = another_question(world, state);
     if (first) asked->question.before = plugged_in_text(world) + "\n";
-    asked->accept = [&world, accept = asked->accept](InterviewState& at, const std::string& typed) {
-      if (typed == "none") take_known(world, at);
-      return accept(at, typed);
-    };
     return asked;
   });
   return steps;

@@ -59,9 +59,11 @@ std::string to_text(const InterviewQuestion& question) {
   text += question.text;
   std::size_t widest = 0;
   for (const AnswerOption& option : question.options) widest = std::max(widest, option.word.size());
-  for (std::size_t i = 0; i < question.options.size(); ++i)
+  for (std::size_t i = 0; i < question.options.size(); ++i) {
     text += fmt::format("\n  {}  {:<{}}  {}", i + 1, question.options[i].word, widest,
                         question.options[i].text);
+    text.erase(text.find_last_not_of(' ') + 1);
+  }
   if (!question.options.empty()) text += "\n ";
   if (!question.wanted.empty()) text += " (" + question.wanted + ")";
   if (!question.fallback.empty()) text += " [" + question.fallback + "]";

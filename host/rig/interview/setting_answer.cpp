@@ -60,10 +60,13 @@ std::string lua_unit(const std::string& symbol, std::vector<std::string>& used) 
   return used.back();
 }
 
-/// A unit that a person may have meant, for the error.
+/// A unit that a person may have meant, for the error: that of the default, as people read it.
 std::string unit_example(const KnownSetting& setting) {
-  const std::vector<DisplayUnit> shown = display_units(setting.unit);
-  return shown.empty() ? setting.unit : std::string(shown.front().unit.symbol);
+  const nlohmann::json& usual = setting.fallback.is_array() && !setting.fallback.empty()
+                                    ? setting.fallback.front()
+                                    : setting.fallback;
+  const double size = usual.is_number() ? usual.get<double>() : 0;
+  return show_quantity(size != 0 ? size : setting.max, setting.unit).unit;
 }
 
 [[noreturn]] void refuse(const KnownSetting& setting, std::string_view typed) {
@@ -185,6 +188,12 @@ WrittenValue read_setting(const KnownSetting& setting, std::string_view typed) {
       break;
   }
   return written_text(typed == "none" ? "" : std::string(typed));
+}
+
+std::string as_typed(const KnownSetting& setting, const std::string& in_si) {
+  const auto read = parse_quantity(in_si);
+  const bool quantity = read && read->bare && !setting.unit.empty();
+  return quantity ? typed_quantity(read->value, setting.unit) : in_si;
 }
 
 std::string typed_default(const KnownSetting& setting) {

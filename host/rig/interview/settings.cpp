@@ -83,7 +83,8 @@ std::string take_setting(InterviewState& state, const std::string& table, const 
   const std::string path = below + text.key;
   const std::string key = table + "." + path;
   const auto proposed = state.proposed.find(key);
-  const std::string told = proposed == state.proposed.end() ? "" : proposed->second;
+  const std::string told =
+      proposed == state.proposed.end() ? "" : as_typed(known, proposed->second);
   state.draft.table(table).set(
       {path, read_setting(known, typed),
        text.text + origin_of(typed, told, text.need == Need::confirmed ? typed_default(known) : "")});
@@ -101,7 +102,7 @@ std::optional<AskedQuestion> ask_setting(const InterviewState& state, const std:
   asked.question = {.key = key, .before = "", .text = key + ": " + text.text, .help = text.help};
   const auto proposed = state.proposed.find(key);
   if (proposed != state.proposed.end())
-    asked.question.fallback = proposed->second;
+    asked.question.fallback = as_typed(*known, proposed->second);
   else if (text.need == Need::optional)
     asked.question.fallback = "none";
   else if (text.need == Need::confirmed)
