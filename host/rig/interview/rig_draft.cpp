@@ -44,8 +44,12 @@ std::string comment_lines(const std::string& text, const std::string& indent) {
   return lines + (line.empty() ? "" : indent + "-- " + line + "\n");
 }
 
+/// The comment behind the code, above it where the line would be too long.
 std::string line_of(const std::string& code, const std::string& comment) {
-  return code + (comment.empty() ? "" : " -- " + one_line(comment)) + "\n";
+  constexpr std::size_t kLongest = 110;
+  if (comment.empty()) return code + "\n";
+  if (code.size() + comment.size() + 4 > kLongest) return comment_lines(comment, "    ") + code + "\n";
+  return code + " -- " + one_line(comment) + "\n";
 }
 
 /// The settings from `at` on that stand in one inner table, as one line: z = { device = 1 },

@@ -154,7 +154,7 @@ WrittenValue choice_of(const KnownSetting& setting, std::string_view typed) {
 }
 
 std::string typed_quantity(const nlohmann::json& value, const std::string& unit) {
-  return plain_quantity(value.get<double>(), unit, 9);
+  return plain_quantity(value.get<double>(), unit, 6);
 }
 
 /// "a current, 0.1 to 20 A".

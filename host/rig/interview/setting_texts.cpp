@@ -51,10 +51,12 @@ const std::vector<SettingText> kTravel{
 const std::vector<SettingText> kStage{
     {"carries", "what stands on it: sensor (microscope with its camera), probe, or nothing",
      "The dry run and the emulated laboratory move it along. The real stage moves what is on it, "
-     "whatever stands here."},
+     "whatever stands here.",
+     Need::typed, "nothing"},
     {"focus_axis", "which of its axes changes the focus",
      "The axis along the microscope's light. Autofocus moves it and no other: a wrong letter drives "
-     "the stage sideways, or into the eye."}};
+     "the stage sideways, or into the eye.",
+     Need::typed, "z"}};
 
 Texts joined(std::initializer_list<Texts> parts) {
   Texts all;

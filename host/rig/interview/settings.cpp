@@ -65,8 +65,8 @@ bool leaves_out(const SettingText& text, const KnownSetting& known, const std::s
 
 std::string origin_of(const std::string& typed, const std::string& proposed,
                       const std::string& usual) {
-  if (typed == proposed) return " (from the instrument)";
-  return typed == usual ? " (the usual)" : "";
+  if (typed == proposed) return " (as identified)";
+  return typed == usual ? " (default)" : "";
 }
 
 /// Relative names are those beside the rig file, as its reader takes them.
