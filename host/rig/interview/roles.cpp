@@ -132,9 +132,7 @@ std::optional<AskedQuestion> axes_question(const InterviewState& state) {
     int device = 0;
     std::vector<InterviewStep> steps;
     for (const std::string& axis : axes_in(typed)) {
-      const std::string path = axis + ".device";
-      at.proposed.try_emplace("stage." + path, std::to_string(++device));
-      at.draft.table("stage").set({path, written_number(device)});
+      at.proposed.try_emplace("stage." + axis + ".device", std::to_string(++device));
       for (const InterviewStep& step : setting_steps("stage", zaber_axis_texts(), axis + "."))
         steps.push_back(step);
     }

@@ -144,8 +144,9 @@ Texts probe_texts() {
 
 /// Of a linear or a rotary axis.
 Texts axis_texts(const char* step, const char* low, const char* high) {
-  return {{"device", "its number in the chain", "As `vitreo devices --ask` prints it, from 1."},
-          {"axis", "the axis of that device", "1 but for controllers of several axes."},
+  return {{"axis", "which axis of its device", "1 but for controllers of several axes."},
+          {"device", "number of its device in the chain",
+           "As `vitreo devices --ask` prints it, from 1."},
           {"step", "travel for one full step of its motor",
            "From the data sheet. Lengths are wrong by what it is wrong by; the microsteps in it are "
            "asked for.",

@@ -25,28 +25,49 @@ WrittenValue stand_in_value(const std::string& typed) {
   return read_setting(setting, typed);
 }
 
-/// With stand-ins for what is not answered yet: those that must be there, and that of `key`, which
-/// may be known only where it is there.
+/// A table of the draft gets stand-ins for what is not answered yet: for what must be there, and for
+/// `key`, which may be known only where it is there.
+class StandIns {
+ public:
+  StandIns(DraftTable& table, const std::string& key) : table_(table), key_(key) {}
+
+  void add(const std::vector<SettingText>& texts, const std::string& below) {
+    for (const SettingText& text : texts) {
+      const bool wanted = text.need == Need::typed || table_.name + "." + below + text.key == key_;
+      if (wanted && *text.stand_in != '\0') set(below + text.key, stand_in_value(text.stand_in));
+    }
+  }
+
+  /// An axis that is begun, or asked for, is a device of its own until it is known which: two that
+  /// are one would be refused. A chain has at least one.
+  void add_axes() {
+    int device = 99;
+    for (const std::string axis : {"x.", "y.", "z."}) {
+      const bool begun = key_.starts_with(table_.name + "." + axis) ||
+                         std::any_of(table_.settings.begin(), table_.settings.end(),
+                                     [&](const DraftSetting& one) { return one.key.starts_with(axis); });
+      if (!begun && !(axis == "z." && device == 99)) continue;
+      set(axis + "device", written_number(device--));
+      add(zaber_axis_texts(), axis);
+    }
+  }
+
+ private:
+  void set(const std::string& path, const WrittenValue& value) {
+    if (table_.find(path) == nullptr) table_.set({path, value});
+  }
+  DraftTable& table_;
+  const std::string& key_;
+};
+
 RigDraft with_stand_ins(RigDraft draft, const std::string& key) {
   for (DraftTable& table : draft.tables) {
     const DraftSetting* const driver = table.find("driver");
-    const std::string name = driver == nullptr ? "" : std::get<std::string>(driver->value.value.value);
-    const auto add = [&](const std::vector<SettingText>& texts, const std::string& below) {
-      for (const SettingText& text : texts) {
-        const std::string path = below + text.key;
-        const bool wanted = text.need == Need::typed || table.name + "." + path == key;
-        if (wanted && *text.stand_in != '\0' && table.find(path) == nullptr)
-          table.set({path, stand_in_value(text.stand_in)});
-      }
-    };
-    add(setting_texts(table.name, name), "");
-    if (table.name != "stage" || name != "zaber") continue;
-    for (const char* axis : {"x.", "y.", "z."})
-      if (table.find(std::string(axis) + "device") != nullptr) add(zaber_axis_texts(), axis);
-    if (std::none_of(table.settings.begin(), table.settings.end(), [](const DraftSetting& one) {
-          return one.key.ends_with(".device");
-        }))
-      table.set({"z.device", written_number(1)});
+    const std::string name =
+        driver == nullptr ? "" : std::get<std::string>(driver->value.value.value);
+    StandIns stand_ins(table, key);
+    stand_ins.add(setting_texts(table.name, name), "");
+    if (table.name == "stage" && name == "zaber") stand_ins.add_axes();
   }
   return draft;
 }

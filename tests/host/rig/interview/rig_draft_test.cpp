@@ -97,7 +97,7 @@ TEST(RigDraftAnswer, ADefaultCanBeTypedBack) {
   EXPECT_EQ(number(limit, typed_default(limit)), 12);
   KnownSetting place = kPlace;
   place.fallback = {-12e-3, 0, 5e-6};
-  EXPECT_EQ(typed_default(place), "-12 mm, 0 m, 5 um");
+  EXPECT_EQ(typed_default(place), "-12 mm, 0 mm, 5 um");
   EXPECT_EQ(std::get<ConfigList>(read_setting(place, typed_default(place)).value.value).size(), 3U);
   EXPECT_EQ(as_typed(setting(Kind::number, "Hz", 0, 100), "15"), "15 Hz");
   EXPECT_EQ(as_typed(setting(Kind::integer, "", 0, 4096), "1384"), "1384");

@@ -200,10 +200,21 @@ TEST_F(NewRig, WhatAnInstrumentHasToldIsOfferedWithItsUnit) {
   EXPECT_EQ(fallback("stage.axes", {{"top_camera.effective_pixel", "14.3 um"}}), "x, y");
   EXPECT_EQ(fallback("stage.x.device", {}), "2");
   EXPECT_EQ(fallback("stage.y.axis", {{"stage.x.step", "3 um"}}), "2");
-  EXPECT_EQ(fallback("stage.baud_rate", {{"stage.y.step", "3 um"},
-                                         {"stage.carries", "sensor"},
-                                         {"stage.focus_axis", "z"}}),
-            "");  // not asked of Zaber's
+  go(interview, {{"stage.y.step", "3 um"}, {"stage.carries", "sensor"}, {"stage.focus_axis", "y"}});
+  EXPECT_TRUE(has(checked, "y = { axis = 2, device = 2, step = 3 * um")) << checked;
+}
+
+// The axes' numbers can be swapped, whatever was proposed.
+TEST_F(NewRig, TheAxesOfAChainCanBeTypedInAnyOrderAndNoTwoAreOne) {
+  RigInterview interview(world, "bench");
+  const Answers answers{{"stage", "zaber"},       {"stage.address", "/dev/ttyUSB0"},
+                        {"stage.axes", "x, z"},   {"stage.x.device", "2"},
+                        {"stage.x.step", "3 um"}, {"stage.z.step", "3 um"}};
+  go(interview, answers, "stage.z.device");
+  const InterviewReply same = interview.answer("2");
+  EXPECT_EQ(same.kind, Kind::refused);
+  EXPECT_TRUE(has(same.text, "x and z are the same one")) << same.text;
+  EXPECT_EQ(interview.answer("1").kind, Kind::accepted);
 }
 
 TEST_F(NewRig, AmongSeveralInstrumentsAPersonMustChoose) {
