@@ -8,8 +8,8 @@
 #include "host/lua/engine/library.h"
 #include "host/lua/script/reading.h"
 #include "host/rig/calibrations.h"
-#include "host/rig/plugged_in.h"
 #include "host/rig/interview/rig_interview.h"
+#include "host/rig/plugged_in.h"
 #include "host/rig/rig_settings.h"
 
 #include <fmt/format.h>
@@ -38,7 +38,7 @@ class Answers {
   /// One line; nothing: there are no more.
   virtual std::optional<std::string> next(const InterviewQuestion& question) = 0;
   /// Whether a refused answer is asked for again: by a person alone. Lines that were written for
-  /// other questions would give a rig that nobody wanted.
+  /// other questions would give a wrong rig.
   virtual bool asks_again() const { return false; }
   /// Throws ConfigError for answers that were not asked for.
   virtual void finish() const {}
@@ -57,7 +57,8 @@ class Lines final : public Answers {
     if (terminal_) return std::nullopt;
     if (!any_)
       throw ConfigError(
-          "new rig: asks at a terminal, and the standard input is none: give --answers FILE, or the "
+          "new rig: asks at a terminal, and the standard input is none: give --answers FILE, or "
+          "the "
           "answers line by line on the standard input");
     throw ConfigError("new rig: the answers end before " + question.key + ": nothing is written");
   }
@@ -95,7 +96,8 @@ class AnswerFile final : public Answers {
   void finish() const override {
     for (const auto& [key, left] : answers_)
       if (!left.empty())
-        throw ConfigError(fmt::format("{}:{}: {}: was not asked for", file_, left.front().line, key));
+        throw ConfigError(
+            fmt::format("{}:{}: {}: was not asked for", file_, left.front().line, key));
   }
 
  private:
@@ -163,7 +165,7 @@ void check_whole(const std::string& file, const std::string& lua) {
   }
 }
 
-/// Fails where the file is there, whoever made it in the meantime.
+/// Fails where the file is there, also when it was made in the meantime.
 void write_new_file(const std::string& file, const std::string& text) {
   const Descriptor made(create_new_file(file));
   append_whole(made.number(), text, file);
@@ -231,8 +233,9 @@ int new_rig(const NewRigWords& words) {
   const RigDraft& draft = asked.draft();
   write_new_file(draft.file, to_lua(draft));
   if (words.json)
-    fmt::print("{}\n", nlohmann::json{{"files", {draft.file}}, {"changed", nlohmann::json::array()}}
-                           .dump());
+    fmt::print(
+        "{}\n",
+        nlohmann::json{{"files", {draft.file}}, {"changed", nlohmann::json::array()}}.dump());
   else
     fmt::print("{}", next_steps(draft.file));
   return 0;

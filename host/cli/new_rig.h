@@ -13,7 +13,8 @@ struct NewRigWords {
 };
 
 /// The program's exit code: 0 when the file is written, 3 when the person quit. Throws ConfigError
-/// for answers that cannot be, that are missing, or that nothing asked for; then nothing is written.
+/// for answers that cannot be, that are missing, or that nothing asked for; then nothing is
+/// written.
 int new_rig(const NewRigWords& words);
 
 }  // namespace vitreo::cli

@@ -150,11 +150,7 @@ ConfigReader::ConfigReader(const RigDescription& rig, std::vector<KnownSetting>*
 
 ConfigReader::ConfigReader(const RigDescription& rig, const ConfigTable& table, std::string path,
                            nlohmann::json* resolved, std::vector<KnownSetting>* known)
-    : rig_(rig),
-      table_(table),
-      path_(std::move(path)),
-      settings_(known),
-      resolved_(resolved) {}
+    : rig_(rig), table_(table), path_(std::move(path)), settings_(known), resolved_(resolved) {}
 
 // A key that two readers read is noted twice, with the bounds of each: the first one is the role's.
 void ConfigReader::note(KnownSetting setting, const Bounds& bounds) const {

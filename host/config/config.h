@@ -60,11 +60,11 @@ struct KnownSetting {
   enum class Kind { number, integer, flag, text, choice, numbers, texts };
   std::string key;  // dotted: "top_camera.microscope.focus"
   Kind kind;
-  nlohmann::json fallback;              // SI
-  double min = 0, max = 0;              // SI, inclusive; of numbers
-  std::string unit{};                   // dimension; of numbers
-  std::size_t count = 0;                // of a list; 0: any
-  std::vector<std::string> choices{};   // of a choice
+  nlohmann::json fallback;             // SI
+  double min = 0, max = 0;             // SI, inclusive; of numbers
+  std::string unit{};                  // dimension; of numbers
+  std::size_t count = 0;               // of a list; 0: any
+  std::vector<std::string> choices{};  // of a choice
 };
 
 /// Reads one table. Every value read, defaults included, goes into `resolved()`: the rig as it was
@@ -116,8 +116,8 @@ class ConfigReader {
   std::string path_;  // "top_camera." or ""
   std::set<std::string> known_;
   std::vector<KnownSetting>* settings_;  // null: not wanted
-  nlohmann::json own_;        // of the root
-  nlohmann::json* resolved_;  // where this table's values go
+  nlohmann::json own_;                   // of the root
+  nlohmann::json* resolved_;             // where this table's values go
 };
 
 /// The text of a key, "" where there is none: before a reader, or beside one.

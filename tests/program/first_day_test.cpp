@@ -29,7 +29,10 @@ const char* const kSupplies =
     "title = Two supplies\n"
     "top_camera = genicam\ntop_camera.address = genicam:192.168.1.7\n"
     "top_camera.width_px = 1384\ntop_camera.height_px = 1036\n"
-    "top_camera.effective_pixel = 14.3 um\n"
+    "top_camera.effective_pixel = 14.3 um\ntop_camera.frame_rate = 15 Hz\n"
+    "side_camera = genicam\nside_camera.address = genicam:192.168.1.8\n"
+    "side_camera.width_px = 656\nside_camera.height_px = 490\n"
+    "side_camera.effective_pixel = 20.4 um\n"
     "coils = kepco_bop\ncoils.supplies = 8\ncoils.supply 1 = tcp:10.0.0.11:5025\n"
     "coils.current_limit = 12 A\ncoils.voltage_limit = 20 V\n";
 
@@ -67,7 +70,8 @@ TEST(NewRigCommand, AnAnswerThatIsMissingWrongOrNotAskedForIsNamedAndNothingIsWr
     EXPECT_FALSE(fs::exists(place.folder() / "bench.lua"));
   };
   const std::string all = kSupplies;
-  refused(all + "coils.amperes_per_volt = 2\n", "answers:13: coils.amperes_per_volt: was not asked for");
+  refused(all + "coils.amperes_per_volt = 2\n",
+          "answers:19: coils.amperes_per_volt: was not asked for");
   refused(all.substr(0, all.find("coils.voltage_limit")), "has no answer to coils.voltage_limit");
   refused(all.substr(0, all.find("12 A")) + "30 A\ncoils.voltage_limit = 20 V\n",
           "coils.current_limit is 30 A; it must be 0.1 to 20 A");
@@ -236,8 +240,8 @@ TEST_F(FirstDay, TheFiveStepsWorkAtATerminalAmongEmulatedInstruments) {
 TEST_F(FirstDay, ThePagesAnswersAreAFileOfAnswers) {
   const Workplace place;
   place.write("answers", page_blocks()["text"]);
-  const Spoken made = place.vitreo(
-      "emulate octomag_lab -- '" VITREO_PROGRAM "' new rig bench --answers answers --json");
+  const Spoken made = place.vitreo("emulate octomag_lab -- '" VITREO_PROGRAM
+                                   "' new rig bench --answers answers --json");
   ASSERT_EQ(made.exit_code, 0) << made.out << made.err;
   EXPECT_TRUE(has(place.read("bench.lua"), "driver = \"scpi_probe\""));
 }

@@ -50,8 +50,7 @@ class Terminal {
   }
 
   /// Waits until `text` has appeared since the last time; false after `patience`.
-  bool sees(const std::string& text,
-            std::chrono::seconds patience = std::chrono::seconds(10)) {
+  bool sees(const std::string& text, std::chrono::seconds patience = std::chrono::seconds(10)) {
     const auto until = std::chrono::steady_clock::now() + patience;
     for (;;) {
       if (const std::size_t at = screen_.find(text, seen_); at != std::string::npos) {

@@ -76,9 +76,10 @@ AskedQuestion ask_question(const InterviewWorld& world, const std::string& addre
       .key = "ask " + address,
       .before = risk_text(plan),
       .text = "Ask what is at " + address + "?",
-      .help = "Only what answers can be recognized; without it you name driver and address yourself. "
-              "Say no where something is moving, or where the port belongs to another program.\n" +
-              (plan.steps.empty() ? "" : to_text(plan)),
+      .help =
+          "Only what answers can be recognized; without it you name driver and address yourself. "
+          "Say no where something is moving, or where the port belongs to another program.\n" +
+          (plan.steps.empty() ? "" : to_text(plan)),
       .options = {{"yes", "send it"}, {"no", "leave this port alone"}},
       .fallback = "no"};
   if (!rest.empty()) {
@@ -106,16 +107,16 @@ void take_known(const InterviewWorld& world, InterviewState& state) {
 }
 
 /// One more address, until there is none. What is not listed (TCP, a pseudo-terminal) comes so.
-std::optional<AskedQuestion> another_question(const InterviewWorld& world,
-                                              const InterviewState&) {
+std::optional<AskedQuestion> another_question(const InterviewWorld& world, const InterviewState&) {
   AskedQuestion asked;
   asked.question = {
       .key = "another",
       .before = "\n",
       .text = "Another address to be asked, such as tcp:10.0.0.11:5025",
-      .help = "Instruments on the network are not found by looking: name the address that is set at "
-              "the instrument. Serial ports and devices are asked as well: /dev/ttyUSB0, "
-              "hid:09db:009c.",
+      .help =
+          "Instruments on the network are not found by looking: name the address that is set at "
+          "the instrument. Serial ports and devices are asked as well: /dev/ttyUSB0, "
+          "hid:09db:009c.",
       .options = {},
       .fallback = "none",
       .wanted = "an address, or none"};
@@ -167,15 +168,14 @@ std::vector<InterviewStep> port_steps(const InterviewWorld& world) {
   const std::vector<std::string> addresses = askable(world.plugged_in);
   std::vector<InterviewStep> steps;
   for (std::size_t i = 0; i < addresses.size(); ++i)
-    steps.push_back([&world, addresses, i](const InterviewState& state)
-                        -> std::optional<AskedQuestion> {
-      if (state.asked_all) return std::nullopt;
-      AskedQuestion asked =
-          ask_question(world, addresses[i], {addresses.begin() + static_cast<long>(i) + 1,
-                                             addresses.end()});
-      if (i == 0) asked.question.before = plugged_in_text(world) + asked.question.before;
-      return asked;
-    });
+    steps.push_back(
+        [&world, addresses, i](const InterviewState& state) -> std::optional<AskedQuestion> {
+          if (state.asked_all) return std::nullopt;
+          AskedQuestion asked = ask_question(
+              world, addresses[i], {addresses.begin() + static_cast<long>(i) + 1, addresses.end()});
+          if (i == 0) asked.question.before = plugged_in_text(world) + asked.question.before;
+          return asked;
+        });
   steps.push_back([&world, first = addresses.empty()](const InterviewState& state) {
     auto asked = another_question(world, state);
     if (first) asked->question.before = plugged_in_text(world) + "\n";

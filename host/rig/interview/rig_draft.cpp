@@ -48,7 +48,8 @@ std::string comment_lines(const std::string& text, const std::string& indent) {
 std::string line_of(const std::string& code, const std::string& comment) {
   constexpr std::size_t kLongest = 110;
   if (comment.empty()) return code + "\n";
-  if (code.size() + comment.size() + 4 > kLongest) return comment_lines(comment, "    ") + code + "\n";
+  if (code.size() + comment.size() + 4 > kLongest)
+    return comment_lines(comment, "    ") + code + "\n";
   return code + " -- " + one_line(comment) + "\n";
 }
 
@@ -61,9 +62,9 @@ std::string inner_line(const DraftTable& table, std::size_t& at) {
     parts.push_back(one.key.substr(head.size()) + " = " + one.value.lua);
     if (!one.comment.empty()) comments.push_back(one.comment);
   }
-  return line_of(fmt::format("    {} = {{ {} }},", head.substr(0, head.size() - 1),
-                             fmt::join(parts, ", ")),
-                 fmt::format("{}", fmt::join(comments, "; ")));
+  return line_of(
+      fmt::format("    {} = {{ {} }},", head.substr(0, head.size() - 1), fmt::join(parts, ", ")),
+      fmt::format("{}", fmt::join(comments, "; ")));
 }
 
 std::string table_text(const DraftTable& table) {

@@ -30,14 +30,14 @@ std::vector<std::string> names() {
 /// The drivers that can play a role and stand for an instrument: no simulated one, no images in
 /// files; of operator's inputs the one that is of this kind.
 std::vector<std::string> drivers_of(const std::string& role) {
-  std::vector<std::string> all = role.ends_with("camera")  ? names<Camera>()
-                                 : role == "coils"         ? names<CoilAmplifier>()
-                                 : role == "stage"         ? names<Stage>()
-                                 : role == "lens_mover"    ? names<LensMover>()
-                                 : role == "lamp"          ? names<Lamp>()
-                                 : role == "field_probe"   ? names<FieldProbe>()
+  std::vector<std::string> all = role.ends_with("camera")   ? names<Camera>()
+                                 : role == "coils"          ? names<CoilAmplifier>()
+                                 : role == "stage"          ? names<Stage>()
+                                 : role == "lens_mover"     ? names<LensMover>()
+                                 : role == "lamp"           ? names<Lamp>()
+                                 : role == "field_probe"    ? names<FieldProbe>()
                                  : role == "rotation_stage" ? names<RotationStage>()
-                                                           : names<OperatorInput>();
+                                                            : names<OperatorInput>();
   std::erase_if(all, [&](const std::string& name) {
     return name == "simulated" || name == "image_sequence" ||
            (role == "pedal" && name == "spacemouse") ||
@@ -123,8 +123,9 @@ std::optional<AskedQuestion> axes_question(const InterviewState& state) {
       .key = "stage.axes",
       .before = "",
       .text = "stage.axes: which axes the chain has",
-      .help = "z focuses where the microscope stands on it; x and y go across. Which device is "
-              "which axis you see when you turn its knob.",
+      .help =
+          "z focuses where the microscope stands on it; x and y go across. Which device is "
+          "which axis you see when you turn its knob.",
       .options = {},
       .fallback = proposed == state.proposed.end() ? "z" : proposed->second,
       .wanted = "letters of x, y and z"};
@@ -150,8 +151,8 @@ std::vector<InterviewStep> steps_of(const std::string& role, const std::string& 
   return steps;
 }
 
-/// Puts the role's table into the draft, and its settings next. Throws ConfigError where the address
-/// is none of the driver's, or another role's.
+/// Puts the role's table into the draft, and its settings next. Throws ConfigError where the
+/// address is none of the driver's, or another role's.
 void begin_role(InterviewState& state, const std::string& role, const std::string& driver,
                 const std::string& address, const std::string& comment) {
   DraftTable& table = state.draft.table(role);
@@ -192,10 +193,11 @@ std::optional<AskedQuestion> supply_question(const InterviewState& state,
   asked.question = {
       .key = fmt::format("coils.supply {}", number),
       .before = "",
-      .text = fmt::format("coils.supply {}: address of the supply that drives coil {} of {}", number,
-                          number, count),
-      .help = "The order decides which current flows in which coil: coil 1 of the field's model, or "
-              "of its calibration, is fed by the first address. Follow the cable from the coil.",
+      .text = fmt::format("coils.supply {}: address of the supply that drives coil {} of {}",
+                          number, number, count),
+      .help =
+          "The order decides which current flows in which coil: coil 1 of the field's model, or "
+          "of its calibration, is fed by the first address. Follow the cable from the coil.",
       .options = {},
       .fallback = proposed,
       .wanted = "an address such as " + example_address("kepco_bop")};
@@ -208,7 +210,8 @@ std::optional<AskedQuestion> supply_question(const InterviewState& state,
     begin_role(whole ? at : trial, "coils", "kepco_bop", fmt::format("{}", fmt::join(all, ", ")),
                "of coil 1, 2, ... in this order");
     if (!whole)
-      at.next({[all, count](const InterviewState& now) { return supply_question(now, all, count); }});
+      at.next(
+          {[all, count](const InterviewState& now) { return supply_question(now, all, count); }});
     return std::string();
   };
   return asked;
@@ -228,7 +231,8 @@ std::optional<AskedQuestion> supplies_question(const InterviewState& state) {
                     .fallback = std::to_string(found > 0 ? found : 8),
                     .wanted = "a whole number, 1 to 16"};
   asked.accept = [](InterviewState& at, const std::string& typed) {
-    const bool digits = !typed.empty() && typed.find_first_not_of("0123456789") == std::string::npos;
+    const bool digits =
+        !typed.empty() && typed.find_first_not_of("0123456789") == std::string::npos;
     const std::size_t count = digits && typed.size() < 3 ? std::stoul(typed) : 0;
     if (count < 1 || count > 16) throw ConfigError("'" + typed + "' is not 1 to 16");
     at.next({[count](const InterviewState& now) { return supply_question(now, {}, count); }});
@@ -244,9 +248,9 @@ std::string likely_address(const InterviewWorld& world, const InterviewState& st
   for (const auto& row : world.plugged_in) {
     const std::string address = row.value("address", "");
     const auto possible = row.value("candidates", std::vector<std::string>{});
-    const bool known = std::any_of(
-        state.found.begin(), state.found.end(),
-        [&](const FoundInstrument& one) { return one.address == address; });
+    const bool known =
+        std::any_of(state.found.begin(), state.found.end(),
+                    [&](const FoundInstrument& one) { return one.address == address; });
     if (!contains(taken, address) && !known &&
         (contains(possible, driver) ||
          (row.value("driver", "") == driver && row.value("bus", "") == "serial")))
@@ -263,8 +267,9 @@ InterviewStep address_step(const InterviewWorld& world, const std::string& role,
         .key = role + ".address",
         .before = "",
         .text = role + ".address: where it is plugged in",
-        .help = "As `vitreo devices` prints it. A name in /dev/serial/by-id stays the same when "
-                "cables are put in in another order. emulated: an emulator in its place, for trying.",
+        .help =
+            "As `vitreo devices` prints it. A name in /dev/serial/by-id stays the same when "
+            "cables are put in in another order. emulated: an emulator in its place, for trying.",
         .options = {},
         .fallback = likely_address(world, state, driver),
         .wanted = "an address such as " + example_address(driver)};
@@ -276,7 +281,8 @@ InterviewStep address_step(const InterviewWorld& world, const std::string& role,
   };
 }
 
-std::vector<AnswerOption> options_for(const std::vector<Candidate>& candidates, const std::string& role) {
+std::vector<AnswerOption> options_for(const std::vector<Candidate>& candidates,
+                                      const std::string& role) {
   std::vector<AnswerOption> options;
   std::size_t supplies = 0;
   for (const Candidate& one : candidates) {
@@ -331,8 +337,9 @@ InterviewStep role_step(const InterviewWorld& world, const RoleText& role) {
         .key = role.role,
         .before = "\n",
         .text = fmt::format("{}: {}. Which instrument is it?", role.role, role.text),
-        .help = "A protocol that needs a role which the rig has not is refused before it begins. An "
-                "instrument that was recognized tells its settings itself.",
+        .help =
+            "A protocol that needs a role which the rig has not is refused before it begins. An "
+            "instrument that was recognized tells its settings itself.",
         .options = options_for(candidates, role.role),
         .fallback = usual_option(candidates)};
     asked.accept = [&world, name = std::string(role.role)](InterviewState& at,
@@ -351,8 +358,9 @@ InterviewStep sample_step() {
         .key = "sample",
         .before = "\n",
         .text = "sample: how robot, target and eye get to their places. Who does it?",
-        .help = "Protocols ask the operator by questions at the terminal or on the page: put the robot "
-                "in, take the target out. Without the role they cannot, and most want it.",
+        .help =
+            "Protocols ask the operator by questions at the terminal or on the page: put the robot "
+            "in, take the target out. Without the role they cannot, and most want it.",
         .options = {{"operator", "a person, who is asked"}, {"none", "leave this role out"}},
         .fallback = "operator"};
     asked.accept = [](InterviewState& at, const std::string& word) {
@@ -374,8 +382,9 @@ InterviewStep name_step(const InterviewWorld& world) {
         .key = "name",
         .before = "",
         .text = "Name of the rig, which becomes its file",
-        .help = "bench becomes bench.lua in this folder; another folder may stand before it. A file "
-                "that is there already is never written over.",
+        .help =
+            "bench becomes bench.lua in this folder; another folder may stand before it. A file "
+            "that is there already is never written over.",
         .options = {},
         .fallback = "",
         .wanted = "small letters, digits and _"};

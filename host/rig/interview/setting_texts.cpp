@@ -24,12 +24,14 @@ const SettingText kCurrentLimit{
 
 const std::vector<SettingText> kCameraTexts{
     {"width_px", "width of its images, in pixels",
-     "Of the images as the camera sends them. `vitreo devices --ask genicam` prints it, and so does "
+     "Of the images as the camera sends them. `vitreo devices --ask genicam` prints it, and so "
+     "does "
      "the camera's data sheet.",
      Need::typed, "640"},
     {"height_px", "height of its images, in pixels", "As the width.", Need::typed, "480"},
     {"frame_rate", "images a second",
-     "The servo loop runs at this rate. The camera's exposure must fit in, and so must all that the "
+     "The servo loop runs at this rate. The camera's exposure must fit in, and so must all that "
+     "the "
      "coils' links take: `vitreo check` computes it. 15 Hz is usual."},
     {"exposure", "exposure of one image",
      "The camera's own time of exposure, shorter than the time from one image to the next. It adds "
@@ -42,7 +44,8 @@ const std::vector<SettingText> kCameraTexts{
 
 const std::vector<SettingText> kTravel{
     {"travel_min", "lowest position of x, y and z",
-     "From the instrument's own origin. Motions that would go lower are refused. Narrow it to where "
+     "From the instrument's own origin. Motions that would go lower are refused. Narrow it to "
+     "where "
      "the stage hits neither eye, lens nor coils; drive there slowly by hand to find out.",
      Need::typed, "-1, -1, -1 mm"},
     {"travel_max", "highest position of x, y and z", "As the lowest.", Need::typed, "1, 1, 1 mm"},
@@ -54,7 +57,8 @@ const std::vector<SettingText> kStage{
      "whatever stands here.",
      Need::typed, "nothing"},
     {"focus_axis", "which of its axes changes the focus",
-     "The axis along the microscope's light. Autofocus moves it and no other: a wrong letter drives "
+     "The axis along the microscope's light. Autofocus moves it and no other: a wrong letter "
+     "drives "
      "the stage sideways, or into the eye.",
      Need::typed, "z"}};
 
@@ -65,18 +69,19 @@ Texts joined(std::initializer_list<Texts> parts) {
 }
 
 Texts usb3103_texts() {
-  return {{"amperes_per_volt", "current of the amplifiers for one volt at their input, in A per V",
-           "From the amplifiers' manual, or measured: it must be the same for all eight. The "
-           "USB-3103 puts out up to 10 V either way. Twice too small a number here gives twice the "
-           "current that a script asks for, and the interlock cannot notice.",
-           Need::typed, "2"},
-          kCurrentLimit,
-          kTotalCurrent,
-          {"enable_line", "digital line that enables the amplifiers, 0 to 7",
-           "High with the first currents, low with every end. The USB-3103 has no watchdog: when the "
-           "host dies this line, with the emergency stop in series, is what takes the current away. "
-           "none: the amplifiers are always on.",
-           Need::optional, "0"}};
+  return {
+      {"amperes_per_volt", "current of the amplifiers for one volt at their input, in A per V",
+       "From the amplifiers' manual, or measured: it must be the same for all eight. The "
+       "USB-3103 puts out up to 10 V either way. Twice too small a number here gives twice the "
+       "current that a script asks for, and the interlock cannot notice.",
+       Need::typed, "2"},
+      kCurrentLimit,
+      kTotalCurrent,
+      {"enable_line", "digital line that enables the amplifiers, 0 to 7",
+       "High with the first currents, low with every end. The USB-3103 has no watchdog: when the "
+       "host dies this line, with the emergency stop in series, is what takes the current away. "
+       "none: the amplifiers are always on.",
+       Need::optional, "0"}};
 }
 
 Texts kepco_texts() {
@@ -128,51 +133,54 @@ Texts led_texts() {
 }
 
 Texts probe_texts() {
-  return {{"question", "what asks it for the field", "The query of its manual, such as MEAS?.",
-           Need::typed, "MEAS?"},
-          {"unit", "field for a 1 in its answers",
-           "1 mT where it answers in millitesla, 0.1 mT in gauss. Ten times wrong here is ten times "
-           "wrong in the coils' calibration.",
-           Need::typed, "1 mT"},
-          {"range", "largest field that it measures", "Beyond, a reading is refused.", Need::typed,
-           "1 T"},
-          {"axes", "numbers in one answer: 1 or 3", "1: along z."},
-          {"on_stage", "whether the stage carries it",
-           "For the dry run and the emulated laboratory."},
-          kBaudRate};
+  return {
+      {"question", "what asks it for the field", "The query of its manual, such as MEAS?.",
+       Need::typed, "MEAS?"},
+      {"unit", "field for a 1 in its answers",
+       "1 mT where it answers in millitesla, 0.1 mT in gauss. Ten times wrong here is ten times "
+       "wrong in the coils' calibration.",
+       Need::typed, "1 mT"},
+      {"range", "largest field that it measures", "Beyond, a reading is refused.", Need::typed,
+       "1 T"},
+      {"axes", "numbers in one answer: 1 or 3", "1: along z."},
+      {"on_stage", "whether the stage carries it", "For the dry run and the emulated laboratory."},
+      kBaudRate};
 }
 
 /// Of a linear or a rotary axis.
 Texts axis_texts(const char* step, const char* low, const char* high) {
-  return {{"axis", "which axis of its device", "1 but for controllers of several axes."},
-          {"device", "number of its device in the chain",
-           "As `vitreo devices --ask` prints it, from 1."},
-          {"step", "travel for one full step of its motor",
-           "From the data sheet. Lengths are wrong by what it is wrong by; the microsteps in it are "
-           "asked for.",
-           Need::typed, step},
-          {"travel_min", "lowest position, none: the instrument's own",
-           "Motions that would go lower are refused. Narrow it to where nothing is hit.",
-           Need::optional, low},
-          {"travel_max", "highest position, none: the instrument's own", "As the lowest.",
-           Need::optional, high},
-          {"speed", "usual speed of a motion", "A script may ask for another, up to max_speed."}};
+  return {
+      {"axis", "which axis of its device", "1 but for controllers of several axes."},
+      {"device", "number of its device in the chain",
+       "As `vitreo devices --ask` prints it, from 1."},
+      {"step", "travel for one full step of its motor",
+       "From the data sheet. Lengths are wrong by what it is wrong by; the microsteps in it are "
+       "asked for.",
+       Need::typed, step},
+      {"travel_min", "lowest position, none: the instrument's own",
+       "Motions that would go lower are refused. Narrow it to where nothing is hit.",
+       Need::optional, low},
+      {"travel_max", "highest position, none: the instrument's own", "As the lowest.",
+       Need::optional, high},
+      {"speed", "usual speed of a motion", "A script may ask for another, up to max_speed."}};
 }
 
 Texts pedal_texts() {
-  return {{"layout", "how it tells its pedals",
-           "xkeys_xk3 and xkeys_xk3_0438 are PI Engineering's, by their product number; infinity is "
-           "a VEC Infinity."},
-          {"dead_man", "pedals that must be held while current flows, counted from 1",
-           "2: no current flows unless pedal 2 is held; released or unplugged means zero. none: the "
-           "pedal is for scripts alone."}};
+  return {
+      {"layout", "how it tells its pedals",
+       "xkeys_xk3 and xkeys_xk3_0438 are PI Engineering's, by their product number; infinity is "
+       "a VEC Infinity."},
+      {"dead_man", "pedals that must be held while current flows, counted from 1",
+       "2: no current flows unless pedal 2 is held; released or unplugged means zero. none: the "
+       "pedal is for scripts alone."}};
 }
 
 const std::map<std::string, Texts>& all_texts() {
   static const std::map<std::string, Texts> texts{
       {"model",
        {{"eye", "optics of the eye in front of the robot",
-         "model_eye_5_3: the two-lens model eye of the thesis; navarro_condensing: a human eye with a "
+         "model_eye_5_3: the two-lens model eye of the thesis; navarro_condensing: a human eye "
+         "with a "
          "condensing lens. Positions in the top camera are computed through it."},
         {"robot", "magnetic robot",
          "Its size, weight and magnetization: the loop computes the currents with them."},
@@ -188,8 +196,8 @@ const std::map<std::string, Texts>& all_texts() {
       {"sutter_mpc200",
        joined({{{"drive", "which of the controller's drives, 1 to 4", "As its panel shows."}},
                kStage,
-               {{"travel_min", "lowest position of x, y and z, from 0", kTravel[0].help, Need::typed,
-                 "1, 1, 1 mm"},
+               {{"travel_min", "lowest position of x, y and z, from 0", kTravel[0].help,
+                 Need::typed, "1, 1, 1 mm"},
                 {"travel_max", "highest position of x, y and z, to 25 mm", kTravel[1].help,
                  Need::typed, "2, 2, 2 mm"},
                 kTravel[2]}})},
@@ -219,7 +227,7 @@ const std::vector<SettingText>& zaber_axis_texts() {
 const std::vector<RoleText>& role_texts() {
   static const std::vector<RoleText> roles{
       {"top_camera", "the camera on the microscope, through which the robot is steered"},
-      {"side_camera", "a camera that looks from the side, for judging and calibrations"},
+      {"side_camera", "a camera from the side, by which protocols judge (hold wants one)"},
       {"coils", "the amplifiers of the electromagnets"},
       {"stage", "the stage that carries the microscope or a probe"},
       {"lens_mover", "the motor of the lens in front of the eye (BIOM)"},
@@ -233,16 +241,11 @@ const std::vector<RoleText>& role_texts() {
 
 std::string example_address(const std::string& driver) {
   static const std::map<std::string, std::string> examples{
-      {"genicam", "genicam:192.168.1.7"},
-      {"iidc", "iidc:any"},
-      {"opencv_camera", "video:/dev/video0"},
-      {"image_sequence", "images:FOLDER"},
-      {"usb3103", "hid:09db:009c"},
-      {"led", "hid:09db:009c:SERIAL"},
-      {"pololu_tic", "usb:1ffb:00b3"},
-      {"spacemouse", "hid:256f:c635"},
-      {"foot_pedal", "hid:05f3:0268"},
-      {"kepco_bop", "tcp:10.0.0.11:5025"},
+      {"genicam", "genicam:192.168.1.7"},     {"iidc", "iidc:any"},
+      {"opencv_camera", "video:/dev/video0"}, {"image_sequence", "images:FOLDER"},
+      {"usb3103", "hid:09db:009c"},           {"led", "hid:09db:009c:SERIAL"},
+      {"pololu_tic", "usb:1ffb:00b3"},        {"spacemouse", "hid:256f:c635"},
+      {"foot_pedal", "hid:05f3:0268"},        {"kepco_bop", "tcp:10.0.0.11:5025"},
       {"scpi_probe", "tcp:10.0.0.7:7777"}};
   const auto found = examples.find(driver);
   return found == examples.end() ? "serial:/dev/ttyUSB0" : found->second;

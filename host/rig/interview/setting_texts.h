@@ -9,9 +9,9 @@ namespace vitreo {
 
 /// How much a setting needs an answer.
 enum class Need {
-  typed,     ///< a wrong default does harm or spoils every measurement: none is offered
-  confirmed, ///< the driver's default is offered
-  optional,  ///< "none" leaves it out
+  typed,      ///< a wrong default does harm or spoils every measurement: none is offered
+  confirmed,  ///< the driver's default is offered
+  optional,   ///< "none" leaves it out
 };
 
 struct SettingText {

@@ -1,8 +1,8 @@
 // Questions of the interview about single settings, checked by the rig's own readers.
 // SPDX-License-Identifier: Apache-2.0
+#include "host/rig/interview/setting_answer.h"
 #include "host/rig/interview/steps.h"
 #include "host/rig/rig_settings.h"
-#include "host/rig/interview/setting_answer.h"
 #include "host/text/units.h"
 
 #include <fmt/format.h>
@@ -19,14 +19,15 @@ using Kind = KnownSetting::Kind;
 WrittenValue stand_in_value(const std::string& typed) {
   KnownSetting setting;
   const auto last = parse_quantity(typed.substr(typed.rfind(',') + 1));
-  setting.kind = !last ? Kind::text : typed.find(',') != std::string::npos ? Kind::numbers
-                                                                          : Kind::number;
+  setting.kind = !last                                  ? Kind::text
+                 : typed.find(',') != std::string::npos ? Kind::numbers
+                                                        : Kind::number;
   if (last) setting.unit = last->dimension;
   return read_setting(setting, typed);
 }
 
-/// A table of the draft gets stand-ins for what is not answered yet: for what must be there, and for
-/// `key`, which may be known only where it is there.
+/// A table of the draft gets stand-ins for what is not answered yet: for what must be there, and
+/// for `key`, which may be known only where it is there.
 class StandIns {
  public:
   StandIns(DraftTable& table, const std::string& key) : table_(table), key_(key) {}
@@ -43,9 +44,10 @@ class StandIns {
   void add_axes() {
     int device = 99;
     for (const std::string axis : {"x.", "y.", "z."}) {
-      const bool begun = key_.starts_with(table_.name + "." + axis) ||
-                         std::any_of(table_.settings.begin(), table_.settings.end(),
-                                     [&](const DraftSetting& one) { return one.key.starts_with(axis); });
+      const bool begun =
+          key_.starts_with(table_.name + "." + axis) ||
+          std::any_of(table_.settings.begin(), table_.settings.end(),
+                      [&](const DraftSetting& one) { return one.key.starts_with(axis); });
       if (!begun && !(axis == "z." && device == 99)) continue;
       set(axis + "device", written_number(device--));
       add(zaber_axis_texts(), axis);
@@ -108,7 +110,8 @@ std::string take_setting(InterviewState& state, const std::string& table, const 
       proposed == state.proposed.end() ? "" : as_typed(known, proposed->second);
   state.draft.table(table).set(
       {path, read_setting(known, typed),
-       text.text + origin_of(typed, told, text.need == Need::confirmed ? typed_default(known) : "")});
+       text.text +
+           origin_of(typed, told, text.need == Need::confirmed ? typed_default(known) : "")});
   if (key == "model.calibration") check_file(state.draft, typed);
   check_draft(state.draft);
   return "";
@@ -170,13 +173,12 @@ InterviewStep calibration_step(const InterviewWorld& world) {
     const DraftSetting* const file = model == nullptr ? nullptr : model->find("calibration");
     if (file == nullptr) return std::nullopt;
     AskedQuestion asked;
-    asked.question = {
-        .key = "calibrations.field.date",
-        .before = "",
-        .text = "calibrations.field.date: day on which the field was measured",
-        .help = "Calibrations grow old: from half a year on `vitreo check` warns.",
-        .fallback = world.today,
-        .wanted = "a date such as " + world.today};
+    asked.question = {.key = "calibrations.field.date",
+                      .before = "",
+                      .text = "calibrations.field.date: day on which the field was measured",
+                      .help = "Calibrations grow old: from half a year on `vitreo check` warns.",
+                      .fallback = world.today,
+                      .wanted = "a date such as " + world.today};
     asked.accept = [file = file->value](InterviewState& at, const std::string& typed) {
       DraftTable& table = at.draft.table("calibrations");
       table.comments = {"How old the measured numbers are: `vitreo check` warns of old ones."};

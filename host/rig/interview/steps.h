@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "host/rig/interview/rig_interview.h"
+#include "host/rig/interview/question.h"
+#include "host/rig/interview/rig_draft.h"
 #include "host/rig/interview/setting_texts.h"
 
 #include <deque>
@@ -54,8 +55,8 @@ std::vector<InterviewStep> setting_steps(const std::string& table,
 InterviewStep calibration_step(const InterviewWorld& world);
 InterviewStep write_step(const InterviewWorld& world);
 
-/// What the instrument has proposed, with the role's own settings that are still to be asked.
-/// Throws ConfigError, without the file's name, where the rig as it stands can not be read.
+/// Stand-ins are taken for what is still to be asked. Throws ConfigError, without the file's name,
+/// where the rig as it stands could not be opened.
 void check_draft(const RigDraft& draft);
 
 }  // namespace vitreo

@@ -130,10 +130,11 @@ TEST_F(BadInput, AWrongArgumentOfStringFormatIsToldWithTheScriptsLine) {
   expect_all(run("print(string.format('%d %d', 1))").error,
              {"p.lua:2: bad argument #3 to 'format'"});
   expect_all(run("print(('%y'):format(1))").error, {"p.lua:2: invalid conversion '%y'"});
-  expect_all(run("local named = setmetatable({}, { __tostring = function() error('in name') end })\n"
-                 "print(('%s'):format(named))")
-                 .error,
-             {"in name"});
+  expect_all(
+      run("local named = setmetatable({}, { __tostring = function() error('in name') end })\n"
+          "print(('%s'):format(named))")
+          .error,
+      {"in name"});
 }
 
 TEST_F(BadInput, WhatGrowsWithoutEndIsBounded) {

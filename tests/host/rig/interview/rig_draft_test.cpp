@@ -59,7 +59,8 @@ TEST(RigDraftAnswer, AQuantityIsReadInItsUnitAndWrittenInIt) {
 }
 
 TEST(RigDraftAnswer, WithoutAUnitOnlyZeroAndPlainNumbersAreClear) {
-  EXPECT_TRUE(has(refusal(kCurrent, "3"), "'3' needs its unit, such as 3 ")) << refusal(kCurrent, "3");
+  EXPECT_TRUE(has(refusal(kCurrent, "3"), "'3' needs its unit, such as 3 "))
+      << refusal(kCurrent, "3");
   EXPECT_EQ(number(kLength, "0"), 0);
   EXPECT_EQ(number(setting(Kind::number, "", 0, 10), "2"), 2);
   EXPECT_TRUE(has(refusal(kCurrent, "3 V"), "is a voltage: it wants a current, 0.1 to 20 A"))

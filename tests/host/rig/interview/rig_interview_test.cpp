@@ -72,8 +72,7 @@ struct NewRig : ::testing::Test {
       const InterviewQuestion question = interview.question();
       keys.push_back(question.key);
       const auto given = answers.find(question.key);
-      const InterviewReply reply =
-          interview.answer(given == answers.end() ? "" : given->second);
+      const InterviewReply reply = interview.answer(given == answers.end() ? "" : given->second);
       EXPECT_EQ(reply.kind, Kind::accepted) << question.key << ": " << reply.text;
       if (reply.kind != Kind::accepted) break;
     }
@@ -184,10 +183,11 @@ TEST_F(NewRig, WhatAnInstrumentHasToldIsOfferedWithItsUnit) {
   plug_in("genicam", "genicam:X", "genicam");
   there["genicam"] = {found("genicam", "genicam:X",
                             {{"top_camera", {{"width_px", "1384"}, {"frame_rate", "15"}}}})};
-  plug_in("serial", "serial:/dev/ttyUSB0", "",
-          {found("zaber", "serial:/dev/ttyUSB0",
-                 {{"stage", {{"x", "{ device = 2, axis = 1 }"}, {"y", "{ device = 2, axis = 2 }"}}}},
-                 9600)});
+  plug_in(
+      "serial", "serial:/dev/ttyUSB0", "",
+      {found("zaber", "serial:/dev/ttyUSB0",
+             {{"stage", {{"x", "{ device = 2, axis = 1 }"}, {"y", "{ device = 2, axis = 2 }"}}}},
+             9600)});
   RigInterview interview(world, "bench");
   const auto fallback = [&](const std::string& key, const Answers& answers) {
     go(interview, answers, key);
@@ -243,15 +243,15 @@ TEST_F(NewRig, WhichSupplyDrivesWhichCoilIsAskedOneByOneAndAnAddressGivenTwiceIs
   EXPECT_TRUE(has(twice.text, "channel 2 is that of coils, channel 1 already")) << twice.text;
   EXPECT_EQ(interview.answer("tcp:10.0.0.20:5025").kind, Kind::accepted);
   go(interview, {{"coils.current_limit", "5 A"}, {"coils.voltage_limit", "20 V"}});
-  EXPECT_TRUE(has(checked,
-                  "\"tcp:10.0.0.11:5025, tcp:10.0.0.20:5025, tcp:10.0.0.21:5025\", -- of coil 1"))
+  EXPECT_TRUE(
+      has(checked, "\"tcp:10.0.0.11:5025, tcp:10.0.0.20:5025, tcp:10.0.0.21:5025\", -- of coil 1"))
       << checked;
 }
 
 TEST_F(NewRig, TheAddressOfAnotherRoleIsRefused) {
   RigInterview interview(world, "bench");
-  const Answers answers{{"stage", "sutter_mp285"},      {"stage.address", "/dev/ttyUSB0"},
-                        {"stage.carries", "sensor"},    {"stage.focus_axis", "z"},
+  const Answers answers{{"stage", "sutter_mp285"},       {"stage.address", "/dev/ttyUSB0"},
+                        {"stage.carries", "sensor"},     {"stage.focus_axis", "z"},
                         {"stage.travel_min", "0, 0, 0"}, {"stage.travel_max", "1, 1, 1 mm"},
                         {"rotation_stage", "zaber"}};
   go(interview, answers, "rotation_stage.address");
@@ -270,7 +270,9 @@ TEST_F(NewRig, ANameThatIsTakenIsRefusedBeforeAnythingElse) {
 }
 
 TEST_F(NewRig, AFileThatTheCheckerRefusesIsNotDone) {
-  world.check = [](const std::string&, const std::string&) { throw ConfigError("bench.lua:3: no"); };
+  world.check = [](const std::string&, const std::string&) {
+    throw ConfigError("bench.lua:3: no");
+  };
   RigInterview interview(world, "bench");
   go(interview, {}, "write");
   EXPECT_TRUE(has(interview.question().before, "return {")) << "it is shown";
@@ -289,10 +291,10 @@ struct Asked {
 // have to be typed into nothing.
 TEST_F(NewRig, EverySettingTextIsAskedAndReadByItsDriver) {
   const std::vector<Asked> all{
-      {"top_camera", "genicam"},   {"side_camera", "iidc"},    {"top_camera", "opencv_camera"},
-      {"coils", "usb3103"},        {"coils", "kepco_bop"},     {"stage", "sutter_mp285"},
-      {"stage", "sutter_mpc200"},  {"stage", "zaber"},         {"rotation_stage", "zaber"},
-      {"lens_mover", "pololu_tic"}, {"lamp", "led"},           {"pedal", "foot_pedal"},
+      {"top_camera", "genicam"},    {"side_camera", "iidc"}, {"top_camera", "opencv_camera"},
+      {"coils", "usb3103"},         {"coils", "kepco_bop"},  {"stage", "sutter_mp285"},
+      {"stage", "sutter_mpc200"},   {"stage", "zaber"},      {"rotation_stage", "zaber"},
+      {"lens_mover", "pololu_tic"}, {"lamp", "led"},         {"pedal", "foot_pedal"},
       {"field_probe", "scpi_probe"}};
   for (const Asked& one : all) {
     RigInterview interview(world, "bench");
