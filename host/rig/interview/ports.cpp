@@ -1,7 +1,6 @@
 // Questions of the interview about what is plugged in, each with the risk of asking it.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/time/error.h"
-#include "host/rig/instruments.h"
 #include "host/rig/interview/steps.h"
 
 #include <fmt/format.h>
@@ -57,15 +56,14 @@ std::string drivers_text(const AskingPlan& plan) {
 std::string risk_text(const AskingPlan& plan) {
   if (plan.steps.empty())
     return "\n" + plan.address +
-           ": nothing is sent to move or set anything; a camera is opened for a moment, and tells "
-           "the size of its images.\n";
+           ": nothing is moved or set; a camera is opened for a moment, and tells its size.\n";
   std::string risks;
   for (const std::string& caution : plan.cautions) risks += "  - " + caution + "\n";
-  return fmt::format(
+  return wrapped(fmt::format(
       "\n{}: whether one of {} is there is found by asking. It takes {} s at most, a few where "
       "something answers. It moves and energizes none of these instruments, but\n{}  - of other "
       "instruments nothing is known.\n",
-      plan.address, drivers_text(plan), static_cast<int>(std::ceil(longest_time(plan))), risks);
+      plan.address, drivers_text(plan), static_cast<int>(std::ceil(longest_time(plan))), risks));
 }
 
 AskedQuestion ask_question(const InterviewWorld& world, const std::string& address,
@@ -146,20 +144,37 @@ std::vector<std::string> askable(const Json& rows) {
   return addresses;
 }
 
+/// "  hid:09db:009c:01A2B3C4  usb3103  Measurement Computing USB-3103".
+std::string row_text(const Json& row, std::size_t widest) {
+  if (row.contains("problem"))
+    return fmt::format("  {}: cannot be looked at: {}\n", row.value("bus", ""),
+                       row.value("problem", ""));
+  std::string driver = row.value("driver", "");
+  if (driver.empty()) driver = row.contains("candidates") ? "ask it" : "no driver";
+  const std::string name = row.value("name", "");
+  return fmt::format("  {:<{}}  {}{}\n", row.value("address", ""), widest, driver,
+                     name.empty() ? "" : "  (" + name + ")");
+}
+
 /// Shown once, with the first of the steps that follow it. What no driver takes (hubs, keyboards, a
 /// device's second address) is left out.
 std::string plugged_in_text(const InterviewWorld& world) {
-  Json rows = Json::array();
-  for (const Json& row : world.plugged_in)
-    if (row.contains("problem") || row.value("bus", "") == "serial" ||
-        !row.value("driver", "").empty())
-      rows.push_back(row);
-  const std::string others =
-      rows.size() < world.plugged_in.size()
-          ? fmt::format("and {} that no driver takes: vitreo devices shows all\n",
-                        world.plugged_in.size() - rows.size())
-          : "";
-  return "\nPlugged in:\n" + to_text(rows) + others;
+  std::vector<Json> rows;
+  std::size_t widest = 0;
+  for (const Json& row : world.plugged_in) {
+    if (!row.contains("problem") && row.value("bus", "") != "serial" &&
+        row.value("driver", "").empty())
+      continue;
+    widest = std::max(widest, row.value("address", "").size());
+    rows.push_back(row);
+  }
+  std::string text = "\nPlugged in, with the drivers:\n";
+  for (const Json& row : rows) text += row_text(row, widest);
+  if (rows.empty()) text += "  nothing that a driver takes\n";
+  if (rows.size() < world.plugged_in.size())
+    text += fmt::format("  and {} that no driver takes: vitreo devices shows all\n",
+                        world.plugged_in.size() - rows.size());
+  return text;
 }
 
 }  // namespace

@@ -39,6 +39,8 @@ struct InterviewQuestion {
   std::string fallback{};               ///< taken for an empty line; empty: there must be an answer
   std::string wanted{};                 ///< "a current, 0.1 to 20 A"; empty: the options tell it
 };
+/// Lines broken for a terminal of 80 columns.
+std::string wrapped(const std::string& text);
 /// For people: what stands above the place where the answer is typed.
 std::string to_text(const InterviewQuestion& question);
 

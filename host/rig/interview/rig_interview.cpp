@@ -44,7 +44,7 @@ std::string chosen(const InterviewQuestion& question, const std::string& typed) 
 std::string explanation(const InterviewQuestion& question) {
   std::string text = question.help.empty() ? question.text : question.help;
   if (!question.wanted.empty()) text += "\nIt wants " + question.wanted + ".";
-  return text + fmt::format("\n({})", kEndings);
+  return wrapped(text + fmt::format("\n({})", kEndings));
 }
 
 /// Answers that are offered again after a way back; a question that sends bytes is none of them.
@@ -53,22 +53,6 @@ bool is_remembered(const std::string& key) {
 }
 
 }  // namespace
-
-std::string to_text(const InterviewQuestion& question) {
-  std::string text = question.before;
-  text += question.text;
-  std::size_t widest = 0;
-  for (const AnswerOption& option : question.options) widest = std::max(widest, option.word.size());
-  for (std::size_t i = 0; i < question.options.size(); ++i) {
-    text += fmt::format("\n  {}  {:<{}}  {}", i + 1, question.options[i].word, widest,
-                        question.options[i].text);
-    text.erase(text.find_last_not_of(' ') + 1);
-  }
-  if (!question.options.empty()) text += "\n ";
-  if (!question.wanted.empty()) text += " (" + question.wanted + ")";
-  if (!question.fallback.empty()) text += " [" + question.fallback + "]";
-  return text + ": ";
-}
 
 struct RigInterview::Inner {
   InterviewWorld world;
@@ -136,10 +120,10 @@ struct RigInterview::Inner {
       if (is_remembered(question.key)) given[question.key] = word;
       before.push_back(as_before);
       advance();
-      return {InterviewReply::Kind::accepted, told};
+      return {InterviewReply::Kind::accepted, wrapped(told)};
     } catch (const ConfigError& problem) {
       state = as_before;
-      return {InterviewReply::Kind::refused, problem.what()};
+      return {InterviewReply::Kind::refused, wrapped(problem.what())};
     }
   }
 
