@@ -205,7 +205,7 @@ void interview(RigInterview& asked, Answers& answers, bool shown) {
     if (reply.kind == InterviewReply::Kind::refused && !answers.asks_again())
       throw ConfigError("new rig: " + question.key + ": " + reply.text + ": nothing is written");
     if (shown && !reply.text.empty())
-      fmt::print("{}{}", reply.text, reply.text.ends_with('\n') ? "" : "\n");
+      fmt::print("{}{}", wrapped(reply.text), reply.text.ends_with('\n') ? "" : "\n");
   }
 }
 

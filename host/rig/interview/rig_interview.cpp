@@ -44,7 +44,7 @@ std::string chosen(const InterviewQuestion& question, const std::string& typed) 
 std::string explanation(const InterviewQuestion& question) {
   std::string text = question.help.empty() ? question.text : question.help;
   if (!question.wanted.empty()) text += "\nIt wants " + question.wanted + ".";
-  return wrapped(text + fmt::format("\n({})", kEndings));
+  return text + fmt::format("\n({})", kEndings);
 }
 
 /// Answers that are offered again after a way back; a question that sends bytes is none of them.
@@ -120,10 +120,10 @@ struct RigInterview::Inner {
       if (is_remembered(question.key)) given[question.key] = word;
       before.push_back(as_before);
       advance();
-      return {InterviewReply::Kind::accepted, wrapped(told)};
+      return {InterviewReply::Kind::accepted, told};
     } catch (const ConfigError& problem) {
       state = as_before;
-      return {InterviewReply::Kind::refused, wrapped(problem.what())};
+      return {InterviewReply::Kind::refused, problem.what()};
     }
   }
 
