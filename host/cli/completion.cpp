@@ -149,7 +149,7 @@ Words positional_words(Program& program, const std::string& command, const Words
   if (command == "control")
     return {"status", "pause", "resume", "stop", "abort", "emergency", "answer", "ack"};
   if (command == "completion") return {"bash", "zsh", "fish"};
-  if (command == "new") return {"protocol", "driver"};
+  if (command == "new") return {"protocol", "rig", "driver"};
   if (command == "docs") return page_names();
   if (command == "emulate") return stems(Program::rig_files());
   return kOfRuns.contains(command) ? run_words() : Words{};

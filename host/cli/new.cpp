@@ -1,7 +1,8 @@
 // `vitreo new`: starting points that run: a protocol with what an editor needs, a driver with its
-// emulator and test.
+// emulator and test, a rig file by an interview.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
+#include "host/cli/new_rig.h"
 #include "host/cli/program.h"
 #include "host/config/config.h"
 #include "host/lua/engine/library.h"
@@ -195,9 +196,11 @@ Made new_driver(const std::string& name, const std::string& role) {
 // Words and names are checked before the first file is made.
 Made make_new(const std::string& kind, const std::string& name, const std::string& role) {
   if (kind != "protocol" && kind != "driver")
-    throw ConfigError(
-        "'" + kind +
-        "' is not understood: vitreo new protocol NAME, or vitreo new driver NAME ROLE");
+    throw ConfigError("'" + kind +
+                      "' is not understood: vitreo new protocol NAME, vitreo new rig [NAME], or "
+                      "vitreo new driver "
+                      "NAME ROLE");
+  if (name.empty()) throw ConfigError("new " + kind + ": a name is missing");
   if (!is_name(name))
     throw ConfigError("'" + name + "' is not a name: small letters, digits and _, a letter first");
   if (kind == "protocol") return new_protocol(name);
@@ -221,20 +224,36 @@ int show(const Made& made, bool json) {
 void add_new(CommandLine& line, Program&) {
   struct Wanted {
     std::string kind;
-    std::string name;
     std::string role;
-    bool json = false;
+    NewRigWords rig;  // and the name of all kinds
   };
   const auto wanted = std::make_shared<Wanted>();
   Command command = line.command(
-      "new", "a starting point that runs: a protocol, or a driver with emulator and test",
-      [wanted] { return show(make_new(wanted->kind, wanted->name, wanted->role), wanted->json); });
-  command.option("kind", wanted->kind, "protocol or driver").required();
-  command.option("name", wanted->name, "small letters, digits and _").required();
+      "new",
+      "a starting point that runs: a protocol, a driver with emulator and test, or a rig file, "
+      "asked "
+      "for question by question",
+      [wanted] {
+        if (wanted->kind == "rig") {
+          if (!wanted->role.empty()) throw ConfigError("new rig: takes a name and no role");
+          return new_rig(wanted->rig);
+        }
+        if (!wanted->rig.answers.empty()) throw ConfigError("--answers is for new rig alone");
+        return show(make_new(wanted->kind, wanted->rig.name, wanted->role), wanted->rig.json);
+      });
+  command.option("kind", wanted->kind, "protocol, rig or driver").required();
+  command.option(
+      "name", wanted->rig.name,
+      "small letters, digits and _; of a rig also its file, or nothing: it is asked for");
   command.option("role", wanted->role, "of a driver: stage, coils or field_probe");
-  command.flag("--json", wanted->json,
+  command.option(
+      "--answers", wanted->rig.answers,
+      "of a rig: a file of lines key = answer, for want of a terminal; what is not in it "
+      "has its default");
+  command.flag("--json", wanted->rig.json,
                "one JSON object: the files that were made and those that were changed");
-  command.examples({"vitreo new protocol depth_scan", "vitreo new driver acme_stage stage"});
+  command.examples({"vitreo new protocol depth_scan", "vitreo new rig bench",
+                    "vitreo new driver acme_stage stage"});
 }
 
 }  // namespace vitreo::cli

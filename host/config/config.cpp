@@ -141,12 +141,26 @@ RigSource RigDescription::source_of(std::string key) const {
 
 // The root owns the resolved values; the readers of sub-tables write into its object through
 // pointers, which is why a reader is not copied.
-ConfigReader::ConfigReader(const RigDescription& rig)
-    : rig_(rig), table_(rig.table), own_(nlohmann::json::object()), resolved_(&own_) {}
+ConfigReader::ConfigReader(const RigDescription& rig, std::vector<KnownSetting>* known)
+    : rig_(rig),
+      table_(rig.table),
+      settings_(known),
+      own_(nlohmann::json::object()),
+      resolved_(&own_) {}
 
 ConfigReader::ConfigReader(const RigDescription& rig, const ConfigTable& table, std::string path,
-                           nlohmann::json* resolved)
-    : rig_(rig), table_(table), path_(std::move(path)), resolved_(resolved) {}
+                           nlohmann::json* resolved, std::vector<KnownSetting>* known)
+    : rig_(rig), table_(table), path_(std::move(path)), settings_(known), resolved_(resolved) {}
+
+// A key that two readers read is noted twice, with the bounds of each: the first one is the role's.
+void ConfigReader::note(KnownSetting setting, const Bounds& bounds) const {
+  if (settings_ == nullptr) return;
+  setting.key = path_ + setting.key;
+  setting.min = bounds.min;
+  setting.max = bounds.max;
+  setting.unit = dimension_of(bounds.unit);
+  settings_->push_back(std::move(setting));
+}
 
 // The text is read for lines only now: a rig file without errors costs nothing for it.
 void ConfigReader::fail(const std::string& key, const std::string& problem) const {
@@ -198,6 +212,7 @@ void ConfigReader::check_bounds(const std::string& key, double value, const Boun
 // The default is not held to the bounds: it is the program's own, and the bounds are for what
 // people write.
 double ConfigReader::number(const std::string& key, double fallback, const Bounds& bounds) {
+  note({key, KnownSetting::Kind::number, fallback}, bounds);
   const ConfigValue* found = find(key);
   double value = fallback;
   if (found) {
@@ -212,6 +227,8 @@ double ConfigReader::number(const std::string& key, double fallback, const Bound
 }
 
 int ConfigReader::integer(const std::string& key, int fallback, int min, int max) {
+  note({key, KnownSetting::Kind::integer, fallback},
+       {static_cast<double>(min), static_cast<double>(max), ""});
   const ConfigValue* found = find(key);
   int value = fallback;
   if (found) {
@@ -226,6 +243,7 @@ int ConfigReader::integer(const std::string& key, int fallback, int min, int max
 }
 
 bool ConfigReader::flag(const std::string& key, bool fallback) {
+  note({key, KnownSetting::Kind::flag, fallback}, {});
   const ConfigValue* found = find(key);
   bool value = fallback;
   if (found) {
@@ -238,6 +256,7 @@ bool ConfigReader::flag(const std::string& key, bool fallback) {
 }
 
 std::string ConfigReader::text(const std::string& key, const std::string& fallback) {
+  note({key, KnownSetting::Kind::text, fallback}, {});
   const ConfigValue* found = find(key);
   std::string value = fallback;
   if (found) {
@@ -251,6 +270,9 @@ std::string ConfigReader::text(const std::string& key, const std::string& fallba
 
 std::string ConfigReader::choice(const std::string& key, const std::string& fallback,
                                  const std::vector<std::string>& choices) {
+  KnownSetting known{key, KnownSetting::Kind::choice, fallback};
+  known.choices = choices;
+  note(std::move(known), {});
   const ConfigValue* found = find(key);
   if (found && !std::holds_alternative<std::string>(found->value))
     wrong_type(key, listed(choices), *found);
@@ -268,6 +290,9 @@ std::string ConfigReader::choice(const std::string& key, const std::string& fall
 std::vector<double> ConfigReader::read_numbers(const std::string& key,
                                                const std::vector<double>& fallback,
                                                const Bounds& bounds, std::size_t wanted) {
+  KnownSetting known{key, KnownSetting::Kind::numbers, fallback};
+  known.count = wanted;
+  note(std::move(known), bounds);
   const ConfigValue* found = find(key);
   std::vector<double> values = fallback;
   if (found) {
@@ -296,6 +321,7 @@ std::vector<double> ConfigReader::numbers(const std::string& key,
 }
 
 std::vector<std::string> ConfigReader::texts(const std::string& key) {
+  note({key, KnownSetting::Kind::texts, nlohmann::json::array()}, {});
   const ConfigValue* found = find(key);
   std::vector<std::string> values;
   const ConfigList* list = found ? list_in(*found) : nullptr;
@@ -333,7 +359,7 @@ ConfigReader ConfigReader::table(const std::string& key) {
   if (found && !inner && !empty_list) wrong_type(key, "a table", *found);
   nlohmann::json& below = (*resolved_)[key];
   if (!below.is_object()) below = nlohmann::json::object();
-  return ConfigReader(rig_, inner ? *inner : empty_table(), path_ + key + ".", &below);
+  return ConfigReader(rig_, inner ? *inner : empty_table(), path_ + key + ".", &below, settings_);
 }
 
 // Called by each reader when it has read all it wants. Without it a misspelt key would silently

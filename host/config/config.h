@@ -55,12 +55,25 @@ struct Bounds {
   std::string_view unit;  // dimension, for the error
 };
 
+/// A key as the program reads it, whether the file has it or not: for questions about it.
+struct KnownSetting {
+  enum class Kind { number, integer, flag, text, choice, numbers, texts };
+  std::string key;  // dotted: "top_camera.microscope.focus"
+  Kind kind;
+  nlohmann::json fallback;             // SI
+  double min = 0, max = 0;             // SI, inclusive; of numbers
+  std::string unit{};                  // dimension; of numbers
+  std::size_t count = 0;               // of a list; 0: any
+  std::vector<std::string> choices{};  // of a choice
+};
+
 /// Reads one table. Every value read, defaults included, goes into `resolved()`: the rig as it was
 /// used. Borrows the description, and a sub-table's reader borrows its parent's: neither is copied.
 /// Errors are ConfigError.
 class ConfigReader {
  public:
-  explicit ConfigReader(const RigDescription& rig);
+  /// `known`, where it is not null, gets each key as it is read; it outlives the reader.
+  explicit ConfigReader(const RigDescription& rig, std::vector<KnownSetting>* known = nullptr);
   ConfigReader(const ConfigReader&) = delete;
   ConfigReader& operator=(const ConfigReader&) = delete;
   double number(const std::string& key, double fallback, const Bounds& bounds);
@@ -90,7 +103,8 @@ class ConfigReader {
 
  private:
   ConfigReader(const RigDescription& rig, const ConfigTable& table, std::string path,
-               nlohmann::json* resolved);
+               nlohmann::json* resolved, std::vector<KnownSetting>* known);
+  void note(KnownSetting setting, const Bounds& bounds) const;
   const ConfigValue* find(const std::string& key);
   [[noreturn]] void wrong_type(const std::string& key, const std::string& wanted,
                                const ConfigValue& found) const;
@@ -101,8 +115,9 @@ class ConfigReader {
   const ConfigTable& table_;
   std::string path_;  // "top_camera." or ""
   std::set<std::string> known_;
-  nlohmann::json own_;        // of the root
-  nlohmann::json* resolved_;  // where this table's values go
+  std::vector<KnownSetting>* settings_;  // null: not wanted
+  nlohmann::json own_;                   // of the root
+  nlohmann::json* resolved_;             // where this table's values go
 };
 
 /// The text of a key, "" where there is none: before a reader, or beside one.

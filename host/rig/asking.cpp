@@ -2,6 +2,7 @@
 #include "host/rig/asking.h"
 
 #include "devices/links/dialogue.h"
+#include "devices/links/printable.h"
 
 #include <fmt/format.h>
 
@@ -23,6 +24,8 @@ constexpr Time kLongestChatter = 1s;
 constexpr Time kSendTimeout = 1s;
 /// An instrument that does not fall silent is heard so far.
 constexpr std::size_t kMostHeard = 4096;
+/// Of an identity.
+constexpr std::size_t kMostShown = 200;
 
 /// One question and those who ask it, before it is spread over its rates.
 struct SharedQuestion {
@@ -158,9 +161,11 @@ std::optional<FoundInstrument> recognized(const AskingStep& step, const std::str
                                           const std::vector<ByteString>& answers) {
   for (const IdentifiedDriver& driver : step.drivers) {
     const auto is = driver.identification.question->recognize(answers);
+    // What an instrument says stands in a comment of a rig file, and on a terminal.
     if (is)
-      return FoundInstrument{driver.name, address, step.baud_rate,
-                             to_string(is->identity) + at_rate(step.baud_rate), is->roles};
+      return FoundInstrument{
+          driver.name, address, step.baud_rate,
+          printable(to_string(is->identity), kMostShown) + at_rate(step.baud_rate), is->roles};
   }
   return std::nullopt;
 }
@@ -238,6 +243,18 @@ std::string to_text(const AskingPlan& plan) {
   text += "None of it moves or energizes one of these instruments in this order";
   for (const std::string& caution : plan.cautions) text += "; " + caution;
   return text + ". Of other instruments nothing is known.\n";
+}
+
+// Of a step that may begin in silence every message waits; of another only the first.
+double longest_time(const AskingPlan& plan) {
+  const double chatter = to_seconds(kAnswerSilence) / 2;
+  double seconds = 0;
+  for (const AskingStep& step : plan.steps) {
+    const std::size_t waits = step.question.may_begin_silent ? step.question.messages.size() : 1;
+    seconds +=
+        step.question.opening_pause + chatter + static_cast<double>(waits) * step.question.patience;
+  }
+  return seconds;
 }
 
 AskingResult ask_port(const AskingPlan& plan, const OpenAtRate& open, Clock& clock,

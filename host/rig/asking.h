@@ -36,6 +36,11 @@ struct AskingPlan {
 AskingPlan plan_asking(const std::string& address, const std::vector<IdentifiedDriver>& drivers);
 /// For people: each message and rate.
 std::string to_text(const AskingPlan& plan);
+/// s, where nothing answers: all pauses of the plan and all waiting for a first byte.
+double longest_time(const AskingPlan& plan);
+/// What ask_address() would send to a serial or TCP port; without steps for the other buses. Throws
+/// ConfigError for an address that is none.
+AskingPlan plan_for_address(const std::string& given);
 
 /// An instrument that was recognized, as a rig file would have it.
 struct FoundInstrument {

@@ -21,13 +21,26 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// What links to nodes lead to, as udev makes them. Links of folders are not followed: realpath()
+/// would, and it corrupts the memory of a program under umockdev (0.17), where `vitreo emulate` has
+/// its nodes.
+fs::path node_of(fs::path path) {
+  constexpr int kMostLinks = 8;
+  std::error_code error;
+  for (int i = 0; i < kMostLinks; ++i) {
+    const fs::path target = fs::read_symlink(path, error);
+    if (error) break;
+    path = path.parent_path() / target;  // an absolute target stands for itself
+  }
+  return path.lexically_normal();
+}
+
 /// The port's entry in the system's list; nothing for what has none, such as a pseudo-terminal.
 /// /dev/serial/by-id/... is a link to the node.
 std::optional<SerialPort> listed_port(const std::string& path) {
-  std::error_code error;
-  const fs::path node = fs::weakly_canonical(path, error);
+  const fs::path node = node_of(path);
   for (const SerialPort& port : list_serial_ports())
-    if (port.node == path || (!error && fs::path(port.node) == node)) return port;
+    if (port.node == path || node_of(port.node) == node) return port;
   return std::nullopt;
 }
 
@@ -134,15 +147,27 @@ AskingResult look_for_cameras(const std::string& given, const std::string& wante
 
 std::string lasting_name(const std::string& node, const fs::path& links) {
   std::error_code error;
-  const fs::path wanted = fs::weakly_canonical(node, error);
+  const fs::path wanted = node_of(node);
   std::vector<std::string> names;
   for (const auto& link : fs::directory_iterator(links, error))
-    if (fs::weakly_canonical(link.path(), error) == wanted) names.push_back(link.path().string());
+    if (node_of(link.path()) == wanted) names.push_back(link.path().string());
   return names.empty() ? "" : *std::min_element(names.begin(), names.end());
 }
 
 std::string full_address(const std::string& given) {
   return given.starts_with("/") ? "serial:" + given : given;
+}
+
+AskingPlan plan_for_address(const std::string& given) {
+  const std::string full = full_address(given);
+  if (full == "genicam") return {full, {}, {}};
+  try {
+    const Address address = parse_address(full);
+    const bool port = address.bus == "serial" || address.bus == "tcp";
+    return port ? plan_asking(full, askers_for(address)) : AskingPlan{full, {}, {}};
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(problem.what());
+  }
 }
 
 AskingResult ask_address(const std::string& given, Clock& clock,

@@ -8,9 +8,12 @@
 #include "host/rig/plant_settings.h"
 #include "optics/system/prescriptions.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <sstream>
 #include <stdexcept>
 
 namespace vitreo {
@@ -322,7 +325,16 @@ RigSettings read_rig_settings(ConfigReader& reader) {
 
 namespace {
 
-/// Two roles cannot share a port; a folder or a film can be watched twice.
+/// Of a list, one address a channel.
+std::vector<std::string> addresses_in(const std::string& text) {
+  std::vector<std::string> addresses;
+  std::istringstream list(text);
+  for (std::string one; std::getline(list, one, ',');)
+    addresses.push_back(one.substr(std::min(one.find_first_not_of(' '), one.size())));
+  return addresses;
+}
+
+/// Two roles cannot share a port, nor two channels of one; a folder or a film can be watched twice.
 void check_addresses(const RigDescription& rig) {
   std::map<std::string, std::string> taken;
   for (const auto& [role, value] : rig.table) {
@@ -330,10 +342,15 @@ void check_addresses(const RigDescription& rig) {
     if (table == nullptr || !table->contains("address")) continue;
     const auto* const address = std::get_if<std::string>(&table->at("address").value);
     if (address == nullptr || *address == "emulated" || is_recording(*address)) continue;
-    const auto [first, is_new] = taken.emplace(*address, role);
-    if (!is_new)
-      throw ConfigError(rig.file + ": " + role + ".address is that of " + first->second +
-                        " already: " + *address);
+    const std::vector<std::string> addresses = addresses_in(*address);
+    for (std::size_t i = 0; i < addresses.size(); ++i) {
+      const std::string channel =
+          addresses.size() > 1 ? fmt::format(", channel {}", i + 1) : std::string();
+      const auto [first, is_new] = taken.emplace(addresses[i], role + channel);
+      if (!is_new)
+        throw ConfigError(rig.file + ": " + role + ".address" + channel + " is that of " +
+                          first->second + " already: " + addresses[i]);
+    }
   }
 }
 
@@ -360,6 +377,17 @@ std::vector<std::string> check_rig(const RigDescription& rig) {
   for (const std::string& role : role_names())
     if (reader.has(role)) roles.push_back(role);
   return roles;
+}
+
+// An error ends the list: what was read before it is known all the same.
+std::vector<KnownSetting> known_settings(const RigDescription& rig) {
+  std::vector<KnownSetting> known;
+  try {
+    ConfigReader reader(rig, &known);
+    read_rig_settings(reader);
+  } catch (const ConfigError&) {
+  }
+  return known;
 }
 
 LinkLoads link_loads(const RigDescription& rig) {

@@ -56,6 +56,11 @@ RigSettings read_rig_settings(ConfigReader& reader);
 /// bounds. Opens nothing. Throws ConfigError.
 std::vector<std::string> check_rig(const RigDescription& rig);
 
+/// Every setting that this rig's roles and drivers read, with defaults and bounds, as far as the
+/// rig is read without an error. Keys that a driver reads only where the file has them are there
+/// only then.
+std::vector<KnownSetting> known_settings(const RigDescription& rig);
+
 /// What the commands to the rig's instruments cost on their links. Opens nothing. Throws
 /// ConfigError.
 LinkLoads link_loads(const RigDescription& rig);

@@ -49,9 +49,9 @@ class Terminal {
     }
   }
 
-  /// Waits until `text` has appeared since the last time; false after 10 s.
-  bool sees(const std::string& text) {
-    const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+  /// Waits until `text` has appeared since the last time; false after `patience`.
+  bool sees(const std::string& text, std::chrono::seconds patience = std::chrono::seconds(10)) {
+    const auto until = std::chrono::steady_clock::now() + patience;
     for (;;) {
       if (const std::size_t at = screen_.find(text, seen_); at != std::string::npos) {
         seen_ = at + text.size();
@@ -73,6 +73,29 @@ class Terminal {
 
   /// All that has come.
   const std::string& screen() const { return screen_; }
+
+  /// Waits until what came since the last sight ends in `text`, and nothing has come for a moment;
+  /// false after `patience`.
+  bool sees_end(const std::string& text, std::chrono::seconds patience) {
+    constexpr auto kQuiet = std::chrono::milliseconds(300);
+    const auto until = std::chrono::steady_clock::now() + patience;
+    auto changed = std::chrono::steady_clock::now();
+    for (std::size_t size = screen_.size(); std::chrono::steady_clock::now() < until;) {
+      if (!take()) return false;
+      if (screen_.size() != size) changed = std::chrono::steady_clock::now();
+      size = screen_.size();
+      if (std::chrono::steady_clock::now() - changed >= kQuiet && size > seen_ &&
+          screen_.ends_with(text))
+        return true;
+    }
+    return false;
+  }
+  /// What has come since the last sight, which is seen by that.
+  std::string take_unseen() {
+    const std::string text = unseen();
+    seen_ = screen_.size();
+    return text;
+  }
 
   /// What has come since the last sight.
   std::string unseen() const { return screen_.substr(seen_); }

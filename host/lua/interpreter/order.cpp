@@ -121,6 +121,16 @@ void prepare_format(lua_State* L) {
   }
 }
 
+/// Lua's own string.format sees this file's function as its caller: it knows no line, and no name
+/// for itself. Both are the script's, which called `format`.
+int raise_from_script(lua_State* L) {
+  if (lua_type(L, -1) != LUA_TSTRING) return lua_error(L);
+  luaL_where(L, 1);
+  luaL_gsub(L, lua_tostring(L, -2), "to '?'", "to 'format'");
+  lua_concat(L, 2);
+  return lua_error(L);
+}
+
 /// Upvalue 1 is Lua's own string.format, which gets only what has no address.
 int format(lua_State* L) {
   guarded(L, "string.format: ", [L] {
@@ -129,7 +139,7 @@ int format(lua_State* L) {
   });
   lua_pushvalue(L, lua_upvalueindex(1));
   lua_insert(L, 1);
-  lua_call(L, lua_gettop(L) - 1, LUA_MULTRET);
+  if (lua_pcall(L, lua_gettop(L) - 1, LUA_MULTRET, 0) != LUA_OK) return raise_from_script(L);
   return lua_gettop(L);
 }
 

@@ -1,11 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/drivers/serial.h"
 
+#include <stdexcept>
+
 namespace vitreo {
+namespace {
+
+/// Of a list of addresses, which the role's reader has seen as a whole only.
+std::string bus_of(const InstrumentReader& instrument) {
+  try {
+    return parse_address(instrument.address).bus;
+  } catch (const std::invalid_argument& problem) {
+    instrument.reader.fail("address", problem.what());
+  }
+}
+
+}  // namespace
 
 SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSettings& usual) {
   SerialPlace place{instrument.address, usual};
-  const std::string bus = parse_address(instrument.address).bus;
+  const std::string bus = bus_of(instrument);
   if (bus != "serial" && bus != "tcp" && bus != "emulated")
     instrument.reader.fail("address", "must be \"serial:PATH\", \"tcp:HOST:PORT\" or \"emulated\"");
   place.ideal = bus == "tcp";

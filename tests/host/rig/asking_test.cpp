@@ -295,6 +295,9 @@ TEST_F(Asking, OfSilenceItSaysWhatWasTried) {
   EXPECT_TRUE(tried("zaber at 115200 baud: silence"));
   EXPECT_TRUE(tried("sutter_mpc200 at 128000 baud: silence"));
   EXPECT_EQ(to_json(result)["questions"].size(), told.size());
+  const double took = to_seconds(clock->now());
+  EXPECT_LE(took, longest_time(result.plan) + 1e-9) << "as a person is told before";
+  EXPECT_GT(took, 0.9 * longest_time(result.plan));
 }
 
 TEST_F(Asking, CallsAnEchoAnEcho) {

@@ -104,6 +104,36 @@ TEST(Registry, LetsTwoRolesShareAVideoAndNoCamera) {
   EXPECT_THROW(check_rig(description), ConfigError);
 }
 
+TEST(Registry, RefusesOneAddressForTwoChannelsOrForAChannelAndARole) {
+  const auto refusal = [](const RigDescription& description) -> std::string {
+    try {
+      check_rig(description);
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const auto supplies = [](const char* addresses) {
+    return rig_with("coils", {{"driver", text("kepco_bop")}, {"address", text(addresses)}});
+  };
+  EXPECT_EQ(refusal(supplies("tcp:10.0.0.1:5025, tcp:10.0.0.2:5025")), "");
+  EXPECT_NE(refusal(supplies("tcp:10.0.0.1:5025, tcp:10.0.0.2:5025,tcp:10.0.0.1:5025"))
+                .find("coils.address, channel 3 is that of coils, channel 1 already: "
+                      "tcp:10.0.0.1:5025"),
+            std::string::npos);
+  RigDescription shared = supplies("serial:/dev/ttyUSB0, serial:/dev/ttyUSB1");
+  shared.table["stage"] = ConfigValue{
+      ConfigTable{{"driver", text("sutter_mp285")}, {"address", text("serial:/dev/ttyUSB1")}}};
+  EXPECT_NE(refusal(shared).find("stage.address is that of coils, channel 2 already"),
+            std::string::npos)
+      << refusal(shared);
+  // One of a list that is no address is the file's error, and not the program's.
+  EXPECT_NE(refusal(supplies("tcp:10.0.0.1:5025, ttyUSB0")).find("coils.address"),
+            std::string::npos);
+  EXPECT_NE(refusal(supplies("tcp:10.0.0.1:5025,,tcp:10.0.0.2:5025")).find("coils.address"),
+            std::string::npos);
+}
+
 TEST(Registry, NamesADriverThatItDoesNotKnowAndTheNearestOne) {
   expect_error(rig_with("coils", {{"driver", text("usb3104")}}), "did you mean usb3103?");
 }

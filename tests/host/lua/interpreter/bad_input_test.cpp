@@ -124,6 +124,19 @@ TEST_F(BadInput,
   EXPECT_EQ(run("print(('%d'):format(1))").error, "");
 }
 
+TEST_F(BadInput, AWrongArgumentOfStringFormatIsToldWithTheScriptsLine) {
+  expect_all(run("print(('%d'):format('x'))").error,
+             {"p.lua:2: bad argument #2 to 'format'", "number expected, got string"});
+  expect_all(run("print(string.format('%d %d', 1))").error,
+             {"p.lua:2: bad argument #3 to 'format'"});
+  expect_all(run("print(('%y'):format(1))").error, {"p.lua:2: invalid conversion '%y'"});
+  expect_all(
+      run("local named = setmetatable({}, { __tostring = function() error('in name') end })\n"
+          "print(('%s'):format(named))")
+          .error,
+      {"in name"});
+}
+
 TEST_F(BadInput, WhatGrowsWithoutEndIsBounded) {
   expect_all(run("local function f() return f() + 1 end f()").error, {"stack overflow"});
   expect_all(
