@@ -59,6 +59,8 @@ class Writer {
   /// Bytes written; negative with the reason in `why`. Nothing at the deadline, and ever after: the
   /// report may still go out, and another behind it would come out of order.
   std::optional<int> write(std::span<const std::uint8_t> report, std::string& why) {
+    // Of two tasks that write at once each has its turn: there is room for one report only.
+    const std::lock_guard turn(turn_);
     std::unique_lock lock(mutex_);
     if (stuck_) return std::nullopt;
     report_.emplace(report.begin(), report.end());
@@ -94,6 +96,7 @@ class Writer {
   }
 
   const Device device_;
+  std::mutex turn_;  // of the writers
   // Of all members below. report_ is the hand-over: filled by write(), emptied by run() when the
   // kernel has taken it.
   std::mutex mutex_;

@@ -116,6 +116,8 @@ class Emulation::State {
       const std::string interface = camera_interface(role, address);
       if (!interface.empty()) return offer_camera(role, interface);
     }
+    if (role == "enable_line" && begins(address, "serial:"))
+      return say(role, address + " is not emulated: a pseudo-terminal has no lines RTS and DTR");
     const bool talks = begins(address, "serial:") || begins(address, "tcp:");
     if (!talks && (in_place_ || !(address.empty() || address == "emulated"))) {
       if (!address.empty() && address != "emulated") say(role, address + " is not emulated here");

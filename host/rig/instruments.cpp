@@ -51,6 +51,11 @@ void describe(Json& row, Lamp& lamp) {
   row["state"] = lamp.level() > 0 ? "burning" : "dark";
   row["limits"] = {{"level", 1}};
 }
+void describe(Json& row, EnableLine& line) {
+  row["identity"] = line.identity();
+  row["state"] = line.high() ? "high" : "low";
+  row["limits"] = Json::object();
+}
 void describe(Json& row, PoseSensor& sensor) {
   row["identity"] = sensor.identity();
   row["state"] = "streaming";
@@ -131,6 +136,7 @@ class Opening {
     const bool found = open(role, "top_camera", settings_.top, where, visit) ||
                        open(role, "side_camera", settings_.side, where, visit) ||
                        open(role, "coils", settings_.coils, where, visit) ||
+                       open(role, "enable_line", settings_.enable_line, where, visit) ||
                        open(role, "lens_mover", settings_.lens_mover, where, visit) ||
                        open(role, "lamp", settings_.lamp, where, visit) ||
                        open(role, "joystick", settings_.joystick, where, visit) ||

@@ -92,6 +92,12 @@ const std::vector<DriverEntry<Lamp>>& drivers() {
   return entries;
 }
 
+template <>
+const std::vector<DriverEntry<EnableLine>>& drivers() {
+  static const std::vector<DriverEntry<EnableLine>> entries{{"serial_line", read_serial_line}};
+  return entries;
+}
+
 namespace {
 
 template <class Role>
@@ -170,8 +176,8 @@ std::vector<std::string> roles_that_are(bool simulated, const RigDescription& de
 
 const std::vector<std::string>& role_names() {
   static const std::vector<std::string> names{
-      "coils",       "field_probe",    "joystick", "lamp",        "lens_mover", "pedal",
-      "pose_sensor", "rotation_stage", "sample",   "side_camera", "stage",      "top_camera"};
+      "coils",       "enable_line",    "field_probe", "joystick",    "lamp",  "lens_mover", "pedal",
+      "pose_sensor", "rotation_stage", "sample",      "side_camera", "stage", "top_camera"};
   return names;
 }
 

@@ -68,6 +68,7 @@ class GuardedCoils final : public CoilAmplifier {
     amplifier_.make_safe();
     guardian_.disarm("coils");
   }
+  EnableLine* enable_line() override { return amplifier_.enable_line(); }
 
  private:
   CoilAmplifier& amplifier_;

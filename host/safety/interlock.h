@@ -5,6 +5,7 @@
 #include "devices/roles/coil_amplifier.h"
 #include "devices/time/clock.h"
 #include "host/safety/coil_temperature.h"
+#include "host/safety/heartbeat_line.h"
 #include "host/safety/read_back.h"
 
 #include <atomic>
@@ -86,6 +87,11 @@ class Interlock : public CoilAmplifier {
   /// they are; must not throw.
   void require(std::string why, std::function<bool()> holds);
 
+  /// From here on the line beats while a current may flow, and as long as the watch, every
+  /// heartbeat and every condition let it; its end is a trip. A first set-point waits for its
+  /// pick-up. The line outlives this. Wants a clock.
+  void beat_on(EnableLine& line, const HeartbeatSettings& settings);
+
   /// Opens at once, the coils at zero, and says why: to `on_trip` and in each refusal until it is
   /// enabled again.
   void trip(const std::string& why) { trip(Trip{why, false}); }
@@ -118,8 +124,13 @@ class Interlock : public CoilAmplifier {
   void warm_up();
   void forget_slew();
   void watch();
-  void check_heartbeats();
+  std::string late_heartbeat() const;
+  std::string beat_forbidden() const;
+  void start_beat();
+  void stop_beat();
+  std::string fault() const;
   void trip(const Trip& trip);
+  void look();
   void ask_amplifier();
   std::string unmet() const;
 
@@ -145,6 +156,8 @@ class Interlock : public CoilAmplifier {
   std::vector<Condition> conditions_;
   Signal energized_changed_;
   CoilUse use_;
+  Time watched_at_{};                    // the watch's last turn
+  std::unique_ptr<HeartbeatLine> line_;  // null: none
   std::unique_ptr<Task> watch_;
 };
 

@@ -40,7 +40,7 @@ struct Usual {
 };
 constexpr Usual kSensor{15e-3, 20e-3, 5e-3, 1e-6};
 constexpr Usual kProbe{20e-3, 20e-3, 10e-3, 5e-6};
-constexpr Usual kTurn{1e3, 3, 1, 1e-4};
+constexpr Usual kTurntable{1e3, 3, 1, 1e-4};
 
 // `resolution` is a microstep; Zaber's settings count full steps of kUsteps microsteps.
 zaber::AxisSettings read_axis(ConfigReader& reader, const Usual& usual, double travel) {
@@ -114,7 +114,7 @@ Opener<RotationStage> read_simulated_rotation(const InstrumentReader& instrument
   only_emulated(instrument);
   zaber::Settings settings;
   settings.name = instrument.role;
-  settings.axes = {read_axis(instrument.reader, kTurn, kTurn.travel)};
+  settings.axes = {read_axis(instrument.reader, kTurntable, kTurntable.travel)};
   settings.axes.front().name = "turn";
   check_settings(instrument, settings);
   return [settings](const RigContext& where) -> Opened<RotationStage> {
