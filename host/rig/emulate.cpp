@@ -160,6 +160,7 @@ class Emulation::State {
     if (role == "rotation_stage") settings_.rotation_stage(where);
     if (role == "field_probe" && driver != "simulated") settings_.field_probe(where);
     if (role == "coils" && driver == "kepco_bop") settings_.coils(where);
+    if (role == "current_sensor" && driver != "simulated") settings_.current_sensor(where);
     if (parts_.size() - before < 2) return;
     for (std::size_t i = before; i < parts_.size(); ++i)
       parts_[i].channel = static_cast<int>(i - before) + 1;

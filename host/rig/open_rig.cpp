@@ -146,6 +146,7 @@ class ComposedRig final : public OpenRig {
                                                settings.limits, &clock_);
       rig_.coils = interlock_.get();
       open_heartbeat(settings, where);
+      open_current_sensor(settings, where);
     }
     if (settings.top) rig_.top_camera = (top_ = settings.top(where)).device.get();
     if (settings.side) rig_.side_camera = (side_ = settings.side(where)).device.get();
@@ -176,6 +177,13 @@ class ComposedRig final : public OpenRig {
     rig_.enable_line =
         enable_line_.device ? enable_line_.device.get() : coils_.device->enable_line();
     interlock_->beat_on(*rig_.enable_line, *settings.heartbeat);
+  }
+
+  void open_current_sensor(const RigSettings& settings, const RigContext& where) {
+    if (!settings.current_sensor) return;
+    current_sensor_ = settings.current_sensor(where);
+    rig_.current_sensor = current_sensor_.device.get();
+    interlock_->watch_by(*rig_.current_sensor, settings.current_watch);
   }
 
   void open_lamp(const RigSettings& settings, const RigContext& where) {
@@ -217,6 +225,7 @@ class ComposedRig final : public OpenRig {
   Opened<CoilAmplifier> coils_;
   std::unique_ptr<CoilAmplifier> guarded_;
   Opened<EnableLine> enable_line_;
+  Opened<CurrentSensor> current_sensor_;
   std::unique_ptr<Interlock> interlock_;
   Opened<LensMover> lens_mover_;
   Opened<Stage> stage_;

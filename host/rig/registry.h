@@ -9,6 +9,7 @@
 #include "devices/links/usb_address.h"
 #include "devices/roles/camera.h"
 #include "devices/roles/coil_amplifier.h"
+#include "devices/roles/current_sensor.h"
 #include "devices/roles/enable_line.h"
 #include "devices/roles/field_probe.h"
 #include "devices/roles/lamp.h"
@@ -120,6 +121,8 @@ template <>
 const std::vector<DriverEntry<Lamp>>& drivers();
 template <>
 const std::vector<DriverEntry<EnableLine>>& drivers();
+template <>
+const std::vector<DriverEntry<CurrentSensor>>& drivers();
 
 /// A driver by its name in rig files, with how its instruments are found.
 struct IdentifiedDriver {

@@ -5,6 +5,7 @@
 #include "control/field_model.h"
 #include "control/robot.h"
 #include "devices/roles/camera.h"
+#include "devices/roles/current_sensor.h"
 #include "devices/roles/enable_line.h"
 #include "devices/roles/field_probe.h"
 #include "devices/roles/lamp.h"
@@ -77,6 +78,7 @@ struct Rig {
   Interlock* coils = nullptr;  // the only way to the coils
   PausePolicy coil_pause = PausePolicy::hold;
   EnableLine* enable_line = nullptr;  // of the coils' amplifiers; the interlock's alone to set
+  CurrentSensor* current_sensor = nullptr;
   LensMover* lens_mover = nullptr;
   OperatorInput* joystick = nullptr;
   OperatorInput* pedal = nullptr;

@@ -241,6 +241,19 @@ void read_enable_line(ConfigReader reader, RigSettings& settings) {
   reader.finish();
 }
 
+/// What it measures is compared with what was set: `tolerance`, `settling`, `period`, `timeout`.
+void read_current_sensor(ConfigReader reader, RigSettings& settings) {
+  settings.current_sensor =
+      read_instrument<CurrentSensor>(reader, "current_sensor", settings.laboratory, settings.links);
+  if (!settings.coils) reader.fail("driver", "is of use only with the role coils");
+  CurrentWatchSettings& watch = settings.current_watch;
+  watch.tolerance = reader.number("tolerance", watch.tolerance, {1e-3, 5, "A"});
+  watch.settling = reader.number("settling", watch.settling, {0, 5, "s"});
+  watch.period = reader.number("period", watch.period, {1e-3, 1, "s"});
+  watch.timeout = reader.number("timeout", watch.timeout, {1e-3, 5, "s"});
+  reader.finish();
+}
+
 /// dead_man = { 1, 3 }: these pedals, counted from 1, must be held while the coils are energized.
 void read_pedal(ConfigReader reader, RigSettings& settings) {
   settings.pedal = read_instrument<OperatorInput>(reader, "pedal", settings.laboratory,
@@ -342,6 +355,7 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("side_camera")) read_side_camera(reader.table("side_camera"), settings);
   if (reader.has("coils")) read_coils(reader.table("coils"), settings);
   if (reader.has("enable_line")) read_enable_line(reader.table("enable_line"), settings);
+  if (reader.has("current_sensor")) read_current_sensor(reader.table("current_sensor"), settings);
   if (reader.has("pose_sensor")) read_pose_sensor(reader.table("pose_sensor"), settings);
   if (reader.has("sample")) read_sample(reader.table("sample"), settings);
   read_role(reader, "joystick", settings, settings.joystick);

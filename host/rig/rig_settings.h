@@ -39,6 +39,8 @@ struct RigSettings {
   Opener<OperatorInput> joystick, pedal;
   Opener<CoilAmplifier> coils;
   Opener<EnableLine> enable_line;
+  Opener<CurrentSensor> current_sensor;
+  CurrentWatchSettings current_watch;
   Opener<LensMover> lens_mover;
   Opener<Stage> stage;
   Opener<RotationStage> rotation_stage;

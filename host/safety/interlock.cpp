@@ -25,8 +25,9 @@ constexpr Time kRampStep = std::chrono::milliseconds(20);
 constexpr Time kWatchStuck = std::chrono::milliseconds(600);
 // After so long at zero the amplifiers are switched off: a relay is not for each passing of zero.
 constexpr Time kRest = std::chrono::seconds(2);
-// A, of a reading that counts as zero: noise and offsets of the amplifiers are below.
-constexpr double kZero = 0.05;
+// Until a current that was set to zero is read back as zero, and between two readings.
+constexpr Time kRestPatience = std::chrono::milliseconds(500);
+constexpr Time kRestPeriod = std::chrono::milliseconds(25);
 
 // Exactly zero: a small current is a current, and keeps the dead-man at work.
 bool is_zero(std::span<const double> currents) {
@@ -181,6 +182,7 @@ void Interlock::send(std::span<const double> currents) {
   if (clock_ == nullptr) return;
   sent_at_ = clock_->now();
   read_back_.set(sent_at_, sent_);
+  if (sensed_) sensed_->set(sent_at_, sent_);
   if (energized_) clock_->notify(energized_changed_);
 }
 
@@ -221,9 +223,14 @@ void Interlock::make_safe() {
   } catch (const DeviceError&) {
     failure = std::current_exception();
   }
+  rest_due_ = rest_due_ || energized_;
   amplifier_.make_safe();
   std::fill(sent_.begin(), sent_.end(), 0.0);
   energized_ = false;
+  if (clock_ != nullptr) {
+    zeroed_at_ = clock_->now();
+    clock_->notify(energized_changed_);
+  }
   if (failure) std::rethrow_exception(failure);
 }
 
@@ -299,7 +306,7 @@ void Interlock::resume() {
   if (!paused_) return;
   const std::vector<double> read = amplifier_.currents();
   for (std::size_t channel = 0; channel < read.size(); ++channel)
-    if (std::abs(read[channel]) > kZero)
+    if (std::abs(read[channel]) > kZeroCurrent)
       refuse(fmt::format("coil {} carries {:.3g} A after a pause at zero", channel + 1,
                          read[channel]));
   paused_ = false;
@@ -312,19 +319,79 @@ void Interlock::watch() {
   Time zero_since{};
   while (true) {
     clock_->wait(
-        energized_changed_, [this] { return energized_ || (line_ && line_->beating()); }, kForever);
+        energized_changed_,
+        [this] { return energized_ || rest_due_ || (line_ && line_->beating()); }, kForever);
     clock_->sleep_for(kWatchPeriod);
     watched_at_ = clock_->now();
     warm_up();
     try {
       if (energized_)
         look();
+      else if (rest_due_)
+        report_rest();
       else if (watched_at_ - zero_since >= kRest)
         stop_beat();
     } catch (const DeviceError&) {
       // Reported by trip(); the next turn tries again.
     }
     if (energized_) zero_since = clock_->now();
+  }
+}
+
+/// The currents' own time to fall is in the reading's patience.
+void Interlock::report_rest() {
+  const CoilRest rest = read_rest();
+  if (on_rest_ && !energized_) on_rest_(rest);
+}
+
+// Without a clock once: nothing to wait by.
+CoilRest Interlock::read_rest() {
+  rest_due_ = false;
+  const Time began = clock_ == nullptr ? Time{} : clock_->now();
+  try {
+    for (;;) {
+      CoilRest rest{zeroed_at_, energized_ ? "the amplifier did not take the zero" : "",
+                    currents_now()};
+      if (!rest.measured) return rest;
+      rest.failure.clear();
+      if (clock_ == nullptr) return rest;
+      rest.at = clock_->now();
+      if (at_zero(rest) || rest.at - began >= kRestPatience) return rest;
+      clock_->sleep_for(kRestPeriod);
+    }
+  } catch (const DeviceError& error) {
+    return {clock_ == nullptr ? Time{} : clock_->now(), error.what(), std::nullopt};
+  }
+}
+
+/// By the sensor, where there is one; a coil that it does not measure is not a number.
+std::optional<std::vector<double>> Interlock::currents_now() {
+  if (!sensed_) return amplifier_.measured_currents();
+  const std::vector<double> read = sensed_->measure();
+  std::vector<double> all(sent_.size(), std::nan(""));
+  for (std::size_t i = 0; i < read.size(); ++i)
+    all[static_cast<std::size_t>(sensed_->coils()[i])] = read[i];
+  return all;
+}
+
+void Interlock::watch_by(CurrentSensor& sensor, const CurrentWatchSettings& settings) {
+  if (clock_ == nullptr) throw std::logic_error("a current sensor wants a clock");
+  for (const int coil : sensor.info().coils)
+    if (coil < 0 || coil >= amplifier_.channels())
+      throw std::invalid_argument(
+          fmt::format("current_sensor.coils: there is no coil {}, only 1 to {}", coil + 1,
+                      amplifier_.channels()));
+  sensed_ = std::make_unique<CurrentWatch>(
+      sensor, settings, *clock_, [this] { return energized_.load(); },
+      [this](const std::string& why) { trip_quietly(why); });
+}
+
+/// A trip out of a task of its own: an instrument is broken, and what fails beside is in the trip's
+/// own text; the watch tries again.
+void Interlock::trip_quietly(const std::string& why) {
+  try {
+    trip(Trip{why, true});
+  } catch (const DeviceError&) {
   }
 }
 
@@ -384,13 +451,7 @@ void Interlock::beat_on(EnableLine& line, const HeartbeatSettings& settings) {
   if (clock_ == nullptr) throw std::logic_error("a heartbeat line wants a clock");
   line_ = std::make_unique<HeartbeatLine>(
       line, settings, *clock_, [this] { return beat_forbidden(); },
-      [this](const std::string& why) {
-        try {
-          trip(Trip{why, true});
-        } catch (const DeviceError&) {
-          // Reported by trip(); the watch tries again.
-        }
-      });
+      [this](const std::string& why) { trip_quietly(why); });
 }
 
 /// Asked at each edge; the same rules as the watch's, and that the watch itself is alive.

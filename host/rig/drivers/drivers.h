@@ -22,6 +22,8 @@ Opener<OperatorInput> read_spacemouse(const InstrumentReader& instrument);
 Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument);
 Opener<Lamp> read_led_lamp(const InstrumentReader& instrument);
 Opener<EnableLine> read_serial_line(const InstrumentReader& instrument);
+Opener<CurrentSensor> read_scpi_logger(const InstrumentReader& instrument);
+Opener<CurrentSensor> read_simulated_sensor(const InstrumentReader& instrument);
 Opener<Camera> read_genicam(const InstrumentReader& instrument);
 Opener<Camera> read_iidc(const InstrumentReader& instrument);
 Opener<Camera> read_image_sequence(const InstrumentReader& instrument);
