@@ -21,8 +21,8 @@ struct SensedCoil {
 
 struct Settings {
   std::string name = "current_sensor";  ///< in errors
-  std::string model;                    ///< part of its identity; empty: any
-  std::vector<SensedCoil> coils;
+  std::string model{};                  ///< part of its identity; empty: any
+  std::vector<SensedCoil> coils{};
   double range = 10;         ///< V
   double line_cycles = 0.2;  ///< of the mains, per reading: more take longer and hum less
   double reply_timeout = 1;  ///< s, of everything but a sweep
