@@ -11,10 +11,9 @@
 namespace vitreo::machine {
 namespace {
 
-/// Of this process, below the hierarchy's root: the line "0::/user.slice/..." (cgroups(7)); empty
-/// without version 2.
-std::string own_group(const Machine& machine) {
-  std::istringstream lines(machine.read("/proc/self/cgroup").value_or(""));
+/// Below the hierarchy's root: the line "0::/user.slice/..." (cgroups(7)); empty without version 2.
+std::string group_in(const std::string& text) {
+  std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);)
     if (line.starts_with("0::")) return line.substr(3);
   return "";
@@ -38,7 +37,9 @@ Findings check_guardian(const Scene& scene) {
   const Machine& machine = scene.machine;
   const auto& user = scene.user;
   if (!user) return {said(State::unknown, "/proc/self/status does not tell the user")};
-  const std::string group = own_group(machine);
+  const auto told = machine.read("/proc/self/cgroup");
+  if (!told) return {said(State::unknown, "/proc/self/cgroup does not tell the control group")};
+  const std::string group = group_in(*told);
   if (group.empty() || group == "/")
     return {said(State::good, "the program is in no control group that could be killed")};
   if (manager_runs(machine, user->id) && has_systemd_run(machine))

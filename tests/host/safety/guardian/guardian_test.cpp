@@ -540,5 +540,124 @@ TEST_F(GuardianTest, DarkensTheDoubleOfALampWhenTheHostIsKilled) {
   std::printf("lamp by another hand, SIGKILL: dark after %.0f ms\n", trial(lamp, SIGKILL, kHeld));
 }
 
+/// The interface by another hand, with shunts on a data logger by another hand: 0.5 V/A.
+struct SensedUsb : DoubledUsb {
+  SensedUsb() : DoubledUsb("enable_line = 0", {}) {}
+  std::string rig() const override {
+    return DoubledUsb::rig() + R"(, current_sensor = { driver = "scpi_logger", address = ")" +
+           logger.address() +
+           R"(", channels = { 101, 102, 103, 104, 105, 106, 107, 108 }, amperes_per_volt = { 2 },
+              line_cycles = 0.02 })";
+  }
+  /// What the shunts carry follows what the interface puts out.
+  double output() override {
+    const std::string said = interface.order(R"({"get": "volts"})");
+    std::string volts;
+    std::istringstream numbers(said.substr(said.find('[') + 1));
+    int channel = 101;
+    for (std::string one; std::getline(numbers, one, ',') && channel <= 108; ++channel)
+      volts += (volts.empty() ? "\"" : ", \"") + std::to_string(channel) +
+               "\": " + one.substr(0, one.find(']'));
+    logger.order(R"({"set": {"volts": {)" + volts + "}}}");
+    return DoubledUsb::output();
+  }
+  bool enabled() override { return interface.number("port_latch") != 0; }
+  DoubleProcess logger{"scpi_logger", {}};
+};
+
+// Another program, or a reset, sets the outputs of a device that cannot tell: they are read back
+// elsewhere.
+TEST_F(GuardianTest, AForeignZeroingOfAUsb3103IsNoticedWithin200MsByACurrentSensor) {
+  std::vector<double> took;
+  for (int i = 0; i < trials() && !HasFailure(); ++i) {
+    SensedUsb coils;
+    const std::unique_ptr<Host> host = energize(coils, kHeld);
+    ASSERT_NE(host, nullptr);
+    const double settled = std::uniform_real_distribution(0.3, 0.4)(random);
+    time_until(std::chrono::duration_cast<Steady::duration>(std::chrono::duration<double>(settled)),
+               [&] { return coils.output() < 0; });
+    ASSERT_TRUE(coils.enabled()) << "noticed before it happened: " << log();
+    coils.interface.order(
+        R"({"set": {"counts": [32768, 32768, 32768, 32768, 32768, 32768, 32768, 32768]}})");
+    const auto began = Steady::now();
+    ASSERT_TRUE(time_until(5s, [&] { return coils.output() < 0 || !coils.enabled(); })) << log();
+    took.push_back(Milliseconds(Steady::now() - began).count());
+    std::optional<int> status;
+    ASSERT_TRUE(time_until(20s, [&] {
+      coils.output();
+      return (status = host->status()).has_value();
+    })) << log();
+    EXPECT_EQ(WEXITSTATUS(*status), 4) << log();
+    EXPECT_TRUE(guardian_says("by the current sensor")) << log();
+  }
+  std::sort(took.begin(), took.end());
+  if (took.empty()) return;
+  std::printf(
+      "foreign zeroing, by a current sensor: %zu; noticed after median %.0f ms, largest %.0f ms\n",
+      took.size(), took[took.size() / 2], took.back());
+  EXPECT_LT(took.back(), 200);
+}
+
+/// A control group (version 2) in which this process, and what it starts, is while it lives.
+class ControlGroup {
+ public:
+  ControlGroup() {
+    std::ifstream mounts("/proc/self/mounts");
+    for (std::string line; std::getline(mounts, line);) {
+      std::istringstream words(line);
+      std::string device, place, type;
+      words >> device >> place >> type;
+      if (type == "cgroup2") root_ = place;
+    }
+    std::error_code error;
+    group_ = root_ / ("vitreo_test-" + std::to_string(getpid()));
+    there_ = !root_.empty() && std::filesystem::create_directory(group_, error) && !error &&
+             std::filesystem::exists(group_ / "cgroup.kill");
+  }
+  ~ControlGroup() {
+    leave();
+    for (int i = 0; i < 100 && ::rmdir(group_.c_str()) != 0 && errno == EBUSY; ++i)
+      std::this_thread::sleep_for(10ms);
+  }
+  ControlGroup(const ControlGroup&) = delete;
+  ControlGroup& operator=(const ControlGroup&) = delete;
+  bool there() const { return there_; }
+  void enter(pid_t process) const { write(group_ / "cgroup.procs", std::to_string(process)); }
+  void leave() const { write(root_ / "cgroup.procs", std::to_string(getpid())); }
+  void kill() const { write(group_ / "cgroup.kill", "1"); }
+
+ private:
+  static void write(const std::filesystem::path& file, const std::string& text) {
+    std::ofstream(file) << text << std::flush;
+  }
+  std::filesystem::path root_, group_;
+  bool there_ = false;
+};
+
+TEST_F(GuardianTest, OutlivesTheControlGroupOfItsHost) {
+  const ControlGroup group;
+  if (!group.there()) GTEST_SKIP() << "wants cgroup v2 and the right to make a group";
+  for (const bool shared : {false, true}) {
+    Usb amplifier;
+    group.enter(getpid());
+    const std::unique_ptr<Host> host = energize(amplifier, kHeld);
+    group.leave();
+    ASSERT_NE(host, nullptr);
+    const pid_t guardian = host->guardian();
+    ASSERT_GT(guardian, 0);
+    // What the test can see: a guardian that is in the group dies with it.
+    if (shared) group.enter(guardian);
+    group.kill();
+    const auto zero = time_until(2s, [&] { return amplifier.output() < 1e-3; });
+    if (shared) {
+      EXPECT_FALSE(zero) << "so a current flows on";
+      continue;
+    }
+    ASSERT_TRUE(zero) << log();
+    std::printf("control group killed: at zero after %.0f ms\n", zero->count());
+    EXPECT_TRUE(time_until(5s, [&] { return guardian_says("is at zero"); })) << log();
+  }
+}
+
 }  // namespace
 }  // namespace vitreo
