@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/roles/enable_line.h"
+
 #include <optional>
 #include <span>
 #include <string>
@@ -24,6 +26,9 @@ class CoilAmplifier {
   virtual std::optional<std::vector<double>> measured_currents() = 0;
   /// Zero current on every channel, whatever the state. Idempotent.
   virtual void make_safe() = 0;
+  /// Line of its own for a heartbeat, which it leaves low; null where it has none. Lives as long as
+  /// the amplifier.
+  virtual EnableLine* enable_line() { return nullptr; }
 };
 
 }  // namespace vitreo

@@ -110,11 +110,34 @@ class Held {
   int times_opened_ = 1;
 };
 
+/// The line of an amplifier that may be gone. A beat opens nothing: only make_safe() does.
+class ReopeningLine final : public EnableLine {
+ public:
+  explicit ReopeningLine(Held<CoilAmplifier>& held) : held_(held) {}
+  std::string identity() const override { return held_.identity(); }
+  void set(bool high) override {
+    held_.use(Gone::stays, [high](CoilAmplifier& device) { device.enable_line()->set(high); });
+    high_ = high;
+  }
+  bool high() const override { return high_; }
+  void make_safe() override {
+    held_.use(Gone::comes_back, [](CoilAmplifier& device) { device.enable_line()->make_safe(); });
+    high_ = false;
+  }
+
+ private:
+  Held<CoilAmplifier>& held_;
+  bool high_ = false;
+};
+
 /// A set-point never opens it: only make_safe() does, at zero.
 class ReopeningAmplifier final : public CoilAmplifier {
  public:
   explicit ReopeningAmplifier(Held<CoilAmplifier> held)
       : held_(std::move(held)),
+        line_(held_),
+        has_line_(held_.use(Gone::stays,
+                            [](CoilAmplifier& device) { return device.enable_line() != nullptr; })),
         channels_(held_.now()->channels()),
         limit_(held_.now()->current_limit()),
         last_(static_cast<std::size_t>(channels_), 0.0) {}
@@ -138,9 +161,12 @@ class ReopeningAmplifier final : public CoilAmplifier {
     held_.use(Gone::comes_back, [](CoilAmplifier& device) { device.make_safe(); });
     last_.assign(last_.size(), 0.0);
   }
+  EnableLine* enable_line() override { return has_line_ ? &line_ : nullptr; }
 
  private:
   Held<CoilAmplifier> held_;
+  ReopeningLine line_;
+  const bool has_line_;
   const int channels_;
   const double limit_;
   std::vector<double> last_;  // A, as last set: what a lost one may still hold

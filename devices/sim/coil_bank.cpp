@@ -24,6 +24,7 @@ void CoilBankSettings::check(int coils) const {
   require_positive(thermal_resistance, "coil_thermal_resistance");
   require_positive(ambient, "ambient");
   require_positive(supply_voltage, "supply_voltage");
+  require_not_negative(one_shot, "one_shot");
   for (const int coil : dead)
     if (coil < 1 || coil > coils)
       throw std::invalid_argument("dead_coils: there is no coil " + std::to_string(coil) +
@@ -34,6 +35,7 @@ void CoilBankSettings::check(int coils) const {
 CoilBank::CoilBank(const CoilBankSettings& settings, int coils)
     : settings_(settings), keep_(std::exp(-2 * M_PI * settings.bandwidth * kCoilStep)) {
   settings_.check(coils);
+  if (settings_.one_shot > 0) relay_.emplace(from_seconds(settings_.one_shot));
   target_ = currents_ = control::Currents::Zero(coils);
   temperatures_ = control::Currents::Constant(coils, settings_.ambient);
 }
@@ -49,6 +51,10 @@ void CoilBank::command(Time time, const control::Currents& set_points) {
   for (const int coil : settings_.dead) commands_.back().currents[coil - 1] = 0;
 }
 
+void CoilBank::set_line(Time time, bool high) {
+  if (relay_) relay_->input(high, time);
+}
+
 // Electrical and thermal state over one step. Copper warms and its resistance rises,
 //   R = R_0 (1 + alpha (T - T_0));
 // the supply limits the current to U / R; and, with one thermal mass a coil,
@@ -59,12 +65,13 @@ void CoilBank::step(Time start) {
     target_ = commands_.front().currents;
     commands_.pop_front();
   }
+  const bool on = !relay_ || relay_->on(start);
   for (int coil = 0; coil < currents_.size(); ++coil) {
     const double warmth = temperatures_[coil] - settings_.ambient;
     const double resistance =
         settings_.resistance * std::max(1 + settings_.temperature_coefficient * warmth, 0.1);
     const double most = settings_.supply_voltage / resistance;
-    const double target = std::clamp(target_[coil], -most, most);
+    const double target = on ? std::clamp(target_[coil], -most, most) : 0;
     double& current = currents_[coil];
     current = std::clamp(target + keep_ * (current - target), -most, most);
     temperatures_[coil] += kCoilStep / settings_.heat_capacity *

@@ -4,9 +4,11 @@
 #pragma once
 
 #include "control/coil_field.h"
+#include "devices/sim/one_shot.h"
 #include "devices/time/clock.h"
 
 #include <deque>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -23,6 +25,7 @@ struct CoilBankSettings {
   double ambient = 293.15;                   // K
   double supply_voltage = 48;   // V: a hot coil's current is at most this over its resistance
   std::vector<int> dead;        // coils that carry no current, counted from 1
+  double one_shot = 0;          // s, of the relay of a heartbeat line; 0: the amplifiers are on
   void check(int coils) const;  // throws std::invalid_argument naming the parameter
 };
 
@@ -31,6 +34,9 @@ class CoilBank {
   CoilBank(const CoilBankSettings& settings, int coils);
   /// New set-points, A, that act from `time` + delay on. Times must not run backwards.
   void command(Time time, const control::Currents& set_points);
+  /// The heartbeat line, at `time`: without its edges the amplifiers give nothing, whatever they
+  /// are told. Times must not run backwards.
+  void set_line(Time time, bool high);
   /// One step of 1 ms from `start`: currents and temperatures of its end.
   void step(Time start);
   const control::Currents& currents() const { return currents_; }          // A, without the noise
@@ -44,6 +50,7 @@ class CoilBank {
   };
   CoilBankSettings settings_;
   double keep_;  // part of the distance to the set-point that is left after a step
+  std::optional<OneShot> relay_;
   std::deque<Command> commands_;
   control::Currents target_;
   control::Currents currents_;

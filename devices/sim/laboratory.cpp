@@ -312,11 +312,15 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
       [&state](Time exposed, std::uint64_t number) { return state.draw_side(exposed, number); },
       state.faults.looks["side_camera"]);
   state.outputs = usb3103::make_emulator(
-      sampled_dac(settings.dac_offset, seed), [&state](const usb3103::Voltages& volts) {
+      sampled_dac(settings.dac_offset, seed),
+      [&state](const usb3103::Voltages& volts) {
         control::Currents commands(state.settings.world.field.coils());
         for (int coil = 0; coil < commands.size(); ++coil)
           commands[coil] = volts[static_cast<std::size_t>(coil)] * state.settings.amperes_per_volt;
         state.drive(state.clock.now(), commands);
+      },
+      [this](int line, bool high) {
+        if (line == state_->settings.enable_line) set_enable_line(high);
       });
 }
 
@@ -357,6 +361,10 @@ void Laboratory::drive_coils(Time now, const std::vector<double>& currents) {
                                 " coils, not " + std::to_string(currents.size()));
   std::copy(currents.begin(), currents.end(), commands.data());
   state_->drive(now, commands);
+}
+
+void Laboratory::set_enable_line(bool high) {
+  state_->world.set_enable_line(state_->clock.now(), high);
 }
 
 Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& position, Time time) {

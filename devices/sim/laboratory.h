@@ -54,6 +54,7 @@ struct LaboratorySettings {
   std::string fundus;                        // file of a photograph; empty: drawn
   double fundus_width = 30e-3;               // m of retina that the photograph spans
   double amperes_per_volt = 2;               // of the amplifiers behind the USB-3103
+  std::optional<int> enable_line;            // of the USB-3103, as a heartbeat line
   double dac_offset = 2;  // counts, standard deviation of the outputs' calibration, from the seed
   pololu_tic::Settings lens;  // of the BIOM's motor: how far a step of it moves the lens
   // Imperfections of the observation itself, for tests of what the loop can and cannot see; world
@@ -109,6 +110,8 @@ class Laboratory {
   void apply_coil_faults();
   /// A, per coil, asked for by amplifiers that are not behind the USB-3103.
   void drive_coils(Time now, const std::vector<double>& currents);
+  /// The amplifiers' heartbeat line, where settings.world.coils.one_shot stands behind it.
+  void set_enable_line(bool high);
   /// T, as it really is at `position` (m, world frame).
   Eigen::Vector3d field(const Eigen::Vector3d& position, Time time);
   /// Another machine of the same kind, its field and the robot's moment sampled from `seed`;

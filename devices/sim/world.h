@@ -46,6 +46,8 @@ class World {
   /// New set-points of the amplifiers, A; they act from `time` + delay on. Times must not run
   /// backwards.
   void set_coil_commands(Time time, const control::Currents& commands);
+  /// The amplifiers' heartbeat line (CoilBank::set_line).
+  void set_enable_line(Time time, bool high) { coils_.set_line(time, high); }
   void insert_robot(Time time, const Eigen::Vector3d& near);
   void remove_robot(Time time);
   /// Puts a body (counted as in the settings, from 0) somewhere else. Throws std::out_of_range

@@ -71,6 +71,8 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
                      data.start.versions.is_object()
                          ? text_of(data.start.versions.value("commit", nlohmann::json("")))
                          : "");
+  if (const std::string rest = coil_rest_text(data); !rest.empty())
+    out << fmt::format("at end    {}\n", for_terminal(rest));
   if (data.start.parameters.is_object())
     for (const auto& [name, value] : data.start.parameters.items())
       out << fmt::format("  {:<26} {}\n", name, parameter_text(data.start, name, value));

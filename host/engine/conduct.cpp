@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/engine/conduct.h"
 
+#include "host/engine/coil_report.h"
 #include "host/engine/disk_need.h"
 #include "host/engine/interrupts.h"
 #include "host/engine/watchdog.h"
@@ -168,9 +169,12 @@ class TripReport {
       // What a script may come back from is a trip of its own doing, not a broken instrument.
       if (trip.broken) session.control.request(StopTier::abort, "because " + trip.why);
     });
+    coils_->on_rest([&stage](const CoilRest& rest) { record_rest(stage, rest); });
   }
   ~TripReport() {
-    if (coils_ != nullptr) coils_->on_trip({});
+    if (coils_ == nullptr) return;
+    coils_->on_trip({});
+    coils_->on_rest({});
   }
   TripReport(const TripReport&) = delete;
   TripReport& operator=(const TripReport&) = delete;
@@ -223,6 +227,11 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
     stage.recorder->event(stage.clock->now(), "unsafe", failure);
     if (verdict.outcome == Outcome::completed)
       verdict = {Outcome::aborted, ExitCode::aborted, failure};
+  }
+  // Whatever was sent: the record says what is.
+  if (session.rig.coils != nullptr) {
+    const StopShield shield(*stage.clock);
+    record_rest(stage, session.rig.coils->read_rest());
   }
   return session.control.location();
 }

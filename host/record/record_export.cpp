@@ -126,6 +126,7 @@ nlohmann::json summary(const RunData& data) {
           {"reason", end ? end->reason : ""},
           {"script_line",
            end ? (end->location.empty() ? script_line(end->reason) : end->location) : ""},
+          {"coils_at_end", coil_rest_text(data)},
           {"run", data.folder.filename().string()},
           {"protocol", data.start.protocol_file},
           {"title", data.start.protocol_title},

@@ -55,6 +55,12 @@ std::string script_line(const std::string& reason) {
   return at == name_end + 5 ? "" : reason.substr(0, at);
 }
 
+std::string coil_rest_text(const RunData& data) {
+  const auto last = std::find_if(data.events.rbegin(), data.events.rend(),
+                                 [](const Event& event) { return event.kind == kCoilRest; });
+  return last == data.events.rend() ? "" : last->text;
+}
+
 const Stream* RunData::stream(const std::string& name) const {
   const auto found = std::find_if(streams.begin(), streams.end(),
                                   [&](const auto& one) { return one.info.name == name; });

@@ -177,4 +177,11 @@ struct RunData {
   const Stream* stream(const std::string& name) const;  // null where there is none
 };
 
+/// Kind of the events that say what is known of the coils after they were made safe, and the stream
+/// of what was read back then, where something was.
+inline constexpr const char* kCoilRest = "coils";
+inline constexpr const char* kCoilReadBack = "coils_read_back";
+/// "coils 0.00 A, read back at 12:03:11.250", the last of the run; empty where there is none.
+std::string coil_rest_text(const RunData& data);
+
 }  // namespace vitreo

@@ -116,6 +116,8 @@ class Emulation::State {
       const std::string interface = camera_interface(role, address);
       if (!interface.empty()) return offer_camera(role, interface);
     }
+    if (role == "enable_line" && begins(address, "serial:"))
+      return say(role, address + " is not emulated: a pseudo-terminal has no lines RTS and DTR");
     const bool talks = begins(address, "serial:") || begins(address, "tcp:");
     if (!talks && (in_place_ || !(address.empty() || address == "emulated"))) {
       if (!address.empty() && address != "emulated") say(role, address + " is not emulated here");
@@ -158,6 +160,7 @@ class Emulation::State {
     if (role == "rotation_stage") settings_.rotation_stage(where);
     if (role == "field_probe" && driver != "simulated") settings_.field_probe(where);
     if (role == "coils" && driver == "kepco_bop") settings_.coils(where);
+    if (role == "current_sensor" && driver != "simulated") settings_.current_sensor(where);
     if (parts_.size() - before < 2) return;
     for (std::size_t i = before; i < parts_.size(); ++i)
       parts_[i].channel = static_cast<int>(i - before) + 1;

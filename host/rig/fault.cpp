@@ -19,7 +19,8 @@ using Roles = std::vector<std::string>;
 
 // Roles by the kind of failure that can be simulated: of the wire between driver and instrument, of
 // what a sensor delivers, of a motion.
-const Roles kLinks{"coils", "lens_mover", "stage", "rotation_stage", "field_probe"};
+const Roles kLinks{"coils",          "lens_mover",  "stage",
+                   "rotation_stage", "field_probe", "current_sensor"};
 const Roles kSensors{"top_camera", "side_camera", "pose_sensor"};
 const Roles kCameras{"top_camera", "side_camera"};
 const Roles kMotions{"lens_mover", "stage", "rotation_stage"};

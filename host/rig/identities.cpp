@@ -47,6 +47,9 @@ nlohmann::json identities(const Rig& rig) {
   if (rig.top_camera != nullptr) names["top_camera"] = rig.top_camera->info().identity;
   if (rig.side_camera != nullptr) names["side_camera"] = rig.side_camera->info().identity;
   if (rig.coils != nullptr) names["coils"] = rig.coils->identity();
+  if (rig.current_sensor != nullptr)
+    names["current_sensor"] = to_string(rig.current_sensor->info().identity);
+  if (rig.enable_line != nullptr) names["enable_line"] = rig.enable_line->identity();
   if (rig.joystick != nullptr) names["joystick"] = rig.joystick->identity();
   if (rig.pedal != nullptr) names["pedal"] = rig.pedal->identity();
   if (rig.lamp != nullptr) names["lamp"] = rig.lamp->identity();

@@ -3,6 +3,7 @@
 
 #include "devices/contract/camera.h"
 #include "devices/contract/coil_amplifier.h"
+#include "devices/contract/current_sensor.h"
 #include "devices/contract/field_probe.h"
 #include "devices/contract/lamp.h"
 #include "devices/contract/lens_mover.h"
@@ -51,6 +52,17 @@ void describe(Json& row, Lamp& lamp) {
   row["identity"] = lamp.identity();
   row["state"] = lamp.level() > 0 ? "burning" : "dark";
   row["limits"] = {{"level", 1}};
+}
+void describe(Json& row, EnableLine& line) {
+  row["identity"] = line.identity();
+  row["state"] = line.high() ? "high" : "low";
+  row["limits"] = Json::object();
+}
+void describe(Json& row, CurrentSensor& sensor) {
+  row["identity"] = to_string(sensor.info().identity);
+  row["firmware"] = sensor.info().identity.firmware;
+  row["state"] = "waiting";
+  row["limits"] = {{"coils", sensor.info().coils.size()}};
 }
 void describe(Json& row, PoseSensor& sensor) {
   row["identity"] = sensor.identity();
@@ -132,6 +144,8 @@ class Opening {
     const bool found = open(role, "top_camera", settings_.top, where, visit) ||
                        open(role, "side_camera", settings_.side, where, visit) ||
                        open(role, "coils", settings_.coils, where, visit) ||
+                       open(role, "enable_line", settings_.enable_line, where, visit) ||
+                       open(role, "current_sensor", settings_.current_sensor, where, visit) ||
                        open(role, "lens_mover", settings_.lens_mover, where, visit) ||
                        open(role, "lamp", settings_.lamp, where, visit) ||
                        open(role, "joystick", settings_.joystick, where, visit) ||
@@ -171,6 +185,7 @@ struct Tester {
   void operator()(Stage& stage) const { findings = contract::check(stage, clock); }
   void operator()(RotationStage& stage) const { findings = contract::check(stage, clock); }
   void operator()(FieldProbe& probe) const { findings = contract::check(probe, clock); }
+  void operator()(CurrentSensor& sensor) const { findings = contract::check(sensor); }
   void operator()(Lamp& lamp) const { findings = contract::check(lamp); }
   void operator()(OperatorInput& input) const { findings = contract::check(input, clock); }
   template <class Role>

@@ -145,6 +145,8 @@ class ComposedRig final : public OpenRig {
       interlock_ = std::make_unique<Interlock>(guarded_ ? *guarded_ : *coils_.device,
                                                settings.limits, &clock_);
       rig_.coils = interlock_.get();
+      open_heartbeat(settings, where);
+      open_current_sensor(settings, where);
     }
     if (settings.top) rig_.top_camera = (top_ = settings.top(where)).device.get();
     if (settings.side) rig_.side_camera = (side_ = settings.side(where)).device.get();
@@ -166,6 +168,22 @@ class ComposedRig final : public OpenRig {
     if (settings.field_probe)
       rig_.field_probe = (field_probe_ = settings.field_probe(where)).device.get();
     if (guardian_) guardian_watch_ = clock_.spawn("guardian", [this] { watch_guardian(); });
+  }
+
+  /// The line that the heartbeat toggles: the amplifiers' own, or that of another device.
+  void open_heartbeat(const RigSettings& settings, const RigContext& where) {
+    if (!settings.heartbeat) return;
+    if (settings.enable_line) enable_line_ = settings.enable_line(where);
+    rig_.enable_line =
+        enable_line_.device ? enable_line_.device.get() : coils_.device->enable_line();
+    interlock_->beat_on(*rig_.enable_line, *settings.heartbeat);
+  }
+
+  void open_current_sensor(const RigSettings& settings, const RigContext& where) {
+    if (!settings.current_sensor) return;
+    current_sensor_ = settings.current_sensor(where);
+    rig_.current_sensor = current_sensor_.device.get();
+    interlock_->watch_by(*rig_.current_sensor, settings.current_watch);
   }
 
   void open_lamp(const RigSettings& settings, const RigContext& where) {
@@ -206,6 +224,8 @@ class ComposedRig final : public OpenRig {
   std::unique_ptr<Lamp> guarded_lamp_;
   Opened<CoilAmplifier> coils_;
   std::unique_ptr<CoilAmplifier> guarded_;
+  Opened<EnableLine> enable_line_;
+  Opened<CurrentSensor> current_sensor_;
   std::unique_ptr<Interlock> interlock_;
   Opened<LensMover> lens_mover_;
   Opened<Stage> stage_;

@@ -6,6 +6,7 @@
 #include "devices/instruments/led_lamp/identification.h"
 #include "devices/instruments/opencv_camera/driver.h"
 #include "devices/instruments/pololu_tic/identification.h"
+#include "devices/instruments/scpi_logger/identification.h"
 #include "devices/instruments/scpi_probe/identification.h"
 #include "devices/instruments/spacemouse/identification.h"
 #include "devices/instruments/sutter_mp285/identification.h"
@@ -92,6 +93,21 @@ const std::vector<DriverEntry<Lamp>>& drivers() {
   return entries;
 }
 
+template <>
+const std::vector<DriverEntry<EnableLine>>& drivers() {
+  static const std::vector<DriverEntry<EnableLine>> entries{{"serial_line", read_serial_line}};
+  return entries;
+}
+
+template <>
+const std::vector<DriverEntry<CurrentSensor>>& drivers() {
+  static const std::vector<DriverEntry<CurrentSensor>> entries{
+      {"scpi_logger", read_scpi_logger, scpi_logger::identification},
+      {"simulated", read_simulated_sensor},
+  };
+  return entries;
+}
+
 namespace {
 
 template <class Role>
@@ -116,6 +132,8 @@ std::vector<IdentifiedDriver> identified_drivers() {
   add_identified<Camera>(all);
   add_identified<Stage>(all);
   add_identified<RotationStage>(all);
+  // Before the probe, for which any instrument that speaks SCPI is taken.
+  add_identified<CurrentSensor>(all);
   add_identified<FieldProbe>(all);
   return all;
 }
@@ -170,8 +188,9 @@ std::vector<std::string> roles_that_are(bool simulated, const RigDescription& de
 
 const std::vector<std::string>& role_names() {
   static const std::vector<std::string> names{
-      "coils",       "field_probe",    "joystick", "lamp",        "lens_mover", "pedal",
-      "pose_sensor", "rotation_stage", "sample",   "side_camera", "stage",      "top_camera"};
+      "coils",  "current_sensor", "enable_line", "field_probe", "joystick",
+      "lamp",   "lens_mover",     "pedal",       "pose_sensor", "rotation_stage",
+      "sample", "side_camera",    "stage",       "top_camera"};
   return names;
 }
 

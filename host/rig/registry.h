@@ -9,6 +9,8 @@
 #include "devices/links/usb_address.h"
 #include "devices/roles/camera.h"
 #include "devices/roles/coil_amplifier.h"
+#include "devices/roles/current_sensor.h"
+#include "devices/roles/enable_line.h"
 #include "devices/roles/field_probe.h"
 #include "devices/roles/lamp.h"
 #include "devices/roles/lens_mover.h"
@@ -117,6 +119,10 @@ template <>
 const std::vector<DriverEntry<FieldProbe>>& drivers();
 template <>
 const std::vector<DriverEntry<Lamp>>& drivers();
+template <>
+const std::vector<DriverEntry<EnableLine>>& drivers();
+template <>
+const std::vector<DriverEntry<CurrentSensor>>& drivers();
 
 /// A driver by its name in rig files, with how its instruments are found.
 struct IdentifiedDriver {

@@ -5,6 +5,8 @@
 #include "control/field_model.h"
 #include "control/robot.h"
 #include "devices/roles/camera.h"
+#include "devices/roles/current_sensor.h"
+#include "devices/roles/enable_line.h"
 #include "devices/roles/field_probe.h"
 #include "devices/roles/lamp.h"
 #include "devices/roles/lens_mover.h"
@@ -75,6 +77,8 @@ struct Rig {
   Camera* side_camera = nullptr;
   Interlock* coils = nullptr;  // the only way to the coils
   PausePolicy coil_pause = PausePolicy::hold;
+  EnableLine* enable_line = nullptr;  // of the coils' amplifiers; the interlock's alone to set
+  CurrentSensor* current_sensor = nullptr;
   LensMover* lens_mover = nullptr;
   OperatorInput* joystick = nullptr;
   OperatorInput* pedal = nullptr;
@@ -88,7 +92,7 @@ struct Rig {
   Lamp* lamp = nullptr;
   double lamp_level = 0;  // of the full current, from the begin of a run on; every end is dark
   std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each
-  /// The names of the roles that are there, sorted.
+  /// The names of the roles that are there and a script can use, sorted.
   std::vector<std::string> roles() const;
 };
 

@@ -163,6 +163,31 @@ void read_guardian(ConfigReader& reader, RigSettings& settings) {
   settings.guarded.push_back(output);
 }
 
+/// The same of both lines that there can be: `heartbeat`, `one_shot`, `pick_up`.
+void read_heartbeat(ConfigReader& reader, RigSettings& settings) {
+  HeartbeatSettings beat;
+  beat.rate = reader.number("heartbeat", beat.rate, {10, 100, "Hz"});
+  beat.one_shot = reader.number("one_shot", beat.one_shot, {1e-3, 1, "s"});
+  beat.pick_up = reader.number("pick_up", beat.pick_up, {0, 1, "s"});
+  try {
+    beat.check();
+  } catch (const std::invalid_argument& problem) {
+    reader.fail("one_shot", problem.what());
+  }
+  settings.heartbeat = beat;
+  settings.laboratory.world.coils.one_shot = beat.one_shot;
+}
+
+/// A static `enable_line` holds its level when the host is gone; with `heartbeat` it is toggled.
+void read_own_line(ConfigReader& reader, RigSettings& settings) {
+  if (!reader.has("heartbeat")) return;
+  if (!reader.has("enable_line"))
+    reader.fail("heartbeat",
+                "wants the line that it toggles: enable_line, or the role enable_line");
+  read_heartbeat(reader, settings);
+  settings.laboratory.enable_line = reader.integer("enable_line", 0, 0, 7);
+}
+
 // The interlock's limit of a channel is interlock_current, else the amplifier's current_limit.
 void read_coils(ConfigReader reader, RigSettings& settings) {
   settings.coils =
@@ -190,6 +215,7 @@ void read_coils(ConfigReader reader, RigSettings& settings) {
   heat.thermal_resistance =
       reader.number("thermal_resistance", heat.thermal_resistance, {1e-3, 1e3, ""});
   heat.limit = reader.number("temperature_limit", heat.limit, {300, 500, "K"});
+  read_own_line(reader, settings);
   const std::string pause = reader.choice("pause", "hold", {"hold", "ramp", "zero"});
   settings.coil_pause = pause == "ramp"   ? PausePolicy::ramp
                         : pause == "zero" ? PausePolicy::zero
@@ -204,6 +230,30 @@ void read_role(ConfigReader& rig, const char* role, RigSettings& settings, Opene
   if (!rig.has(role)) return;
   ConfigReader reader = rig.table(role);
   opener = read_instrument<Role>(reader, role, settings.laboratory, settings.links);
+  reader.finish();
+}
+
+/// enable_line = { driver = "serial_line", ... }: a line of another device than the amplifiers'.
+void read_enable_line(ConfigReader reader, RigSettings& settings) {
+  settings.enable_line =
+      read_instrument<EnableLine>(reader, "enable_line", settings.laboratory, settings.links);
+  if (!settings.coils) reader.fail("driver", "is of use only with the role coils");
+  if (settings.heartbeat)
+    reader.fail("driver", "is a second line: coils.heartbeat toggles one already");
+  read_heartbeat(reader, settings);
+  reader.finish();
+}
+
+/// What it measures is compared with what was set: `tolerance`, `settling`, `period`, `timeout`.
+void read_current_sensor(ConfigReader reader, RigSettings& settings) {
+  settings.current_sensor =
+      read_instrument<CurrentSensor>(reader, "current_sensor", settings.laboratory, settings.links);
+  if (!settings.coils) reader.fail("driver", "is of use only with the role coils");
+  CurrentWatchSettings& watch = settings.current_watch;
+  watch.tolerance = reader.number("tolerance", watch.tolerance, {1e-3, 5, "A"});
+  watch.settling = reader.number("settling", watch.settling, {0, 5, "s"});
+  watch.period = reader.number("period", watch.period, {1e-3, 1, "s"});
+  watch.timeout = reader.number("timeout", watch.timeout, {1e-3, 5, "s"});
   reader.finish();
 }
 
@@ -307,6 +357,8 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("top_camera")) read_top_camera(reader.table("top_camera"), settings);
   if (reader.has("side_camera")) read_side_camera(reader.table("side_camera"), settings);
   if (reader.has("coils")) read_coils(reader.table("coils"), settings);
+  if (reader.has("enable_line")) read_enable_line(reader.table("enable_line"), settings);
+  if (reader.has("current_sensor")) read_current_sensor(reader.table("current_sensor"), settings);
   if (reader.has("pose_sensor")) read_pose_sensor(reader.table("pose_sensor"), settings);
   if (reader.has("sample")) read_sample(reader.table("sample"), settings);
   read_role(reader, "joystick", settings, settings.joystick);

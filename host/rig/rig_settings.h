@@ -27,6 +27,7 @@ struct RigSettings {
   InterlockLimits limits;
   LinkLoads links;
   PausePolicy coil_pause = PausePolicy::hold;
+  std::optional<HeartbeatSettings> heartbeat;  // of the amplifiers' own line, or of enable_line
   std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
   std::optional<sim::PoseSensorSettings> pose_sensor;
   bool top_camera = false;
@@ -37,6 +38,9 @@ struct RigSettings {
   Opener<Camera> top, side;
   Opener<OperatorInput> joystick, pedal;
   Opener<CoilAmplifier> coils;
+  Opener<EnableLine> enable_line;
+  Opener<CurrentSensor> current_sensor;
+  CurrentWatchSettings current_watch;
   Opener<LensMover> lens_mover;
   Opener<Stage> stage;
   Opener<RotationStage> rotation_stage;

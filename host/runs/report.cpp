@@ -109,6 +109,7 @@ std::string head_section(const RunData& data) {
   if (end && end->experiment_time > 0)
     fact("Experiment", printed(show_quantity(end->experiment_time, "s")));
   if (end && end->wall_time > 0) fact("Took", printed(show_quantity(end->wall_time, "s")));
+  fact("At the end", coil_rest_text(data));
   fact("Run", folder);
   return out + "</div>\n";
 }

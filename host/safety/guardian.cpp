@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <poll.h>
@@ -14,6 +16,7 @@
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <utility>
 
 extern char** environ;
 
@@ -39,6 +42,17 @@ std::string program() {
     if (std::filesystem::exists(folder / "vitreo_guardian", none))
       return (folder / "vitreo_guardian").string();
   fail(DeviceErrorKind::not_found, "the program vitreo_guardian is not beside " + self.string());
+}
+
+/// Whether systemd is there to be asked for a scope: the system's for root, else the user's own
+/// (sd_booted(3); the user's manager has its folder in the user's runtime directory).
+bool makes_scopes() {
+  std::error_code none;
+  if (!std::filesystem::is_directory("/run/systemd/system", none)) return false;
+  if (::geteuid() == 0) return true;
+  const char* const runtime = std::getenv("XDG_RUNTIME_DIR");
+  return runtime != nullptr &&
+         std::filesystem::exists(std::filesystem::path(runtime) / "systemd/private", none);
 }
 
 // Armed before the first current is sent and disarmed after the zero was taken: an error in between
@@ -68,6 +82,7 @@ class GuardedCoils final : public CoilAmplifier {
     amplifier_.make_safe();
     guardian_.disarm("coils");
   }
+  EnableLine* enable_line() override { return amplifier_.enable_line(); }
 
  private:
   CoilAmplifier& amplifier_;
@@ -96,32 +111,58 @@ class GuardedLamp final : public Lamp {
 
 }  // namespace
 
-// SEQPACKET keeps messages apart and in order, and its end is seen by both sides. CLOEXEC on both
-// ends: a program that the host starts later must not hold the socket open after the host's death.
+// In a systemd scope of its own where there is a systemd that makes one, else as a plain child,
+// which moves to a control group of its own where it may (guardian/own_group.h).
 Guardian::Guardian(const std::vector<guardian::Output>& outputs, std::function<bool()> healthy)
     : healthy_(std::move(healthy)) {
-  int ends[2];
-  if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
-    fail(DeviceErrorKind::refused, std::string("no socket for it: ") + std::strerror(errno));
-  socket_ = ends[0];
-  try {
-    start(ends[1]);
-    hand_over(outputs);
-  } catch (...) {
-    ::close(socket_);  // it leaves by itself
-    if (process_ > 0) ::waitpid(process_, nullptr, 0);
-    throw;
-  }
+  if (!(makes_scopes() && begin(outputs, true))) begin(outputs, false);
   // Last: the thread uses the socket, and a constructor that throws runs no destructor to join it.
   // All signals are blocked in it (quiet_thread).
   thread_ = quiet_thread([this] { beat(); });
 }
 
+// SEQPACKET keeps messages apart and in order, and its end is seen by both sides. CLOEXEC on both
+// ends: a program that the host starts later must not hold the socket open after the host's death.
+/// False where it did not come up in a scope, which is no error.
+bool Guardian::begin(const std::vector<guardian::Output>& outputs, bool in_scope) {
+  int ends[2];
+  if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
+    fail(DeviceErrorKind::refused, std::string("no socket for it: ") + std::strerror(errno));
+  socket_ = ends[0];
+  try {
+    if (!start(ends[1], in_scope)) return give_up(), false;
+    const std::string said = hand_over(outputs);
+    shares_group_ = said == std::string(1, guardian::kReadyShared);
+    if (shares_group_ || said == std::string(1, guardian::kReady)) return true;
+    if (!said.empty() || !in_scope)
+      fail(DeviceErrorKind::refused, said.empty() ? "it did not get ready" : said);
+  } catch (...) {
+    give_up();
+    throw;
+  }
+  give_up();
+  return false;
+}
+
+/// It leaves by itself when the socket is closed; what would become it, and hangs, does not.
+void Guardian::give_up() {
+  ::close(std::exchange(socket_, -1));
+  if (process_ <= 0) return;
+  ::kill(process_, SIGTERM);  // which the guardian ignores
+  ::waitpid(std::exchange(process_, -1), nullptr, 0);
+}
+
 /// In a session of its own, so that no terminal's signal reaches it, and with no descriptor of ours
-/// but its socket.
-void Guardian::start(int end) {
+/// but its socket. systemd-run makes the scope, puts itself into it and becomes the guardian, whose
+/// parent is this process in either case. False where systemd-run is not to be had.
+bool Guardian::start(int end, bool in_scope) {
   const std::string file = program();
-  const std::string self = std::to_string(::getpid());
+  std::vector<std::string> words{file, std::to_string(::getpid())};
+  if (in_scope) {
+    std::vector<std::string> before{"systemd-run", "--scope", "--quiet", "--collect"};
+    if (::geteuid() != 0) before.emplace_back("--user");
+    words.insert(words.begin(), before.begin(), before.end());
+  }
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   // A duplicate is not closed on exec, so the child has its end at the agreed number.
@@ -134,20 +175,24 @@ void Guardian::start(int end) {
   // The creating thread may have signals blocked, and a mask is inherited.
   posix_spawnattr_setsigmask(&how, &none);
   posix_spawnattr_setflags(&how, POSIX_SPAWN_SETSID | POSIX_SPAWN_SETSIGMASK);
-  char* const words[] = {const_cast<char*>(file.c_str()), const_cast<char*>(self.c_str()), nullptr};
-  const int error = ::posix_spawn(&process_, file.c_str(), &actions, &how, words, environ);
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  const int error =
+      ::posix_spawnp(&process_, arguments[0], &actions, &how, arguments.data(), environ);
   posix_spawnattr_destroy(&how);
   posix_spawn_file_actions_destroy(&actions);
   ::close(end);
-  if (error == 0) return;
+  if (error == 0) return true;
   process_ = -1;
+  if (in_scope) return false;
   fail(DeviceErrorKind::not_found, file + " cannot be started: " + std::strerror(error));
 }
 
 // The guardian answers when it has understood every output, or with what it cannot bring to zero.
 // 'O' and the outputs in one packet (guardian/wire.h). The answer is kReady, or a text that says
 // what cannot be guarded, or nothing within kPatience.
-void Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
+std::string Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
   const std::string asked = "O" + guardian::encode(outputs);
   const timeval patience{kPatience, 0};
   ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
@@ -155,8 +200,7 @@ void Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
   ssize_t size = ::send(socket_, asked.data(), asked.size(), MSG_NOSIGNAL);
   if (size >= 0) size = ::recv(socket_, said.data(), said.size(), 0);
   said.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
-  if (said == std::string(1, guardian::kReady)) return;
-  fail(DeviceErrorKind::refused, said.empty() ? "it did not get ready" : said);
+  return said;
 }
 
 // Armed means that the last zero was not taken by the amplifier: the guardian is told to bring it

@@ -40,10 +40,14 @@ class Guardian {
   /// Any thread: it is gone, or does not listen, which shows within kBeat whatever the outputs do.
   bool lost() const noexcept { return lost_; }
   pid_t process() const { return process_; }
+  /// Whether it is in the host's control group: what kills that as a whole kills both.
+  bool shares_group() const { return shares_group_; }
 
  private:
-  void start(int end);
-  void hand_over(const std::vector<guardian::Output>& outputs);
+  bool begin(const std::vector<guardian::Output>& outputs, bool in_scope);
+  bool start(int end, bool in_scope);
+  std::string hand_over(const std::vector<guardian::Output>& outputs);
+  void give_up();
   bool say(char message);
   void beat();
 
@@ -51,6 +55,7 @@ class Guardian {
   const SleepInhibitor awake_;
   int socket_ = -1;
   pid_t process_ = -1;
+  bool shares_group_ = false;
   std::mutex mutex_;             // of what is said, and of armed_
   std::set<std::string> armed_;  // roles whose outputs may be energized
   std::atomic<bool> lost_{false};

@@ -21,8 +21,13 @@ constexpr Time kAskPeriod = std::chrono::milliseconds(100);
 constexpr double kShortest = 1e-3;
 constexpr Time kRamp = std::chrono::milliseconds(500);
 constexpr Time kRampStep = std::chrono::milliseconds(20);
-// A, of a reading that counts as zero: noise and offsets of the amplifiers are below.
-constexpr double kZero = 0.05;
+// Without a turn for so long the watch is stuck; an amplifier's answer takes half of it at most.
+constexpr Time kWatchStuck = std::chrono::milliseconds(600);
+// After so long at zero the amplifiers are switched off: a relay is not for each passing of zero.
+constexpr Time kRest = std::chrono::seconds(2);
+// Until a current that was set to zero is read back as zero, and between two readings.
+constexpr Time kRestPatience = std::chrono::milliseconds(500);
+constexpr Time kRestPeriod = std::chrono::milliseconds(25);
 
 // Exactly zero: a small current is a current, and keeps the dead-man at work.
 bool is_zero(std::span<const double> currents) {
@@ -156,6 +161,7 @@ std::string Interlock::unmet() const {
 // leaves the watch at work on coils that may carry current.
 void Interlock::send(std::span<const double> currents) {
   warm_up();
+  if (line_ && !is_zero(currents)) start_beat();
   energized_ = energized_ || !is_zero(currents);
   try {
     amplifier_.set_currents(currents);
@@ -176,6 +182,7 @@ void Interlock::send(std::span<const double> currents) {
   if (clock_ == nullptr) return;
   sent_at_ = clock_->now();
   read_back_.set(sent_at_, sent_);
+  if (sensed_) sensed_->set(sent_at_, sent_);
   if (energized_) clock_->notify(energized_changed_);
 }
 
@@ -206,12 +213,40 @@ std::vector<double> Interlock::temperatures() {
 
 // Opened before the amplifier is commanded: where that throws, set-points are refused all the same,
 // and the watch, for which `energized_` still holds, sends the zero again.
+// The line first: one report, and from then on the hardware counts, whatever the amplifier does.
 void Interlock::make_safe() {
   enabled_ = false;
   warm_up();
+  std::exception_ptr failure;
+  try {
+    stop_beat();
+  } catch (const DeviceError&) {
+    failure = std::current_exception();
+  }
+  rest_due_ = rest_due_ || energized_;
   amplifier_.make_safe();
   std::fill(sent_.begin(), sent_.end(), 0.0);
   energized_ = false;
+  if (clock_ != nullptr) {
+    zeroed_at_ = clock_->now();
+    clock_->notify(energized_changed_);
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+/// Before a current flows: the amplifiers are on when it returns.
+void Interlock::start_beat() {
+  if (line_->beating()) return;
+  line_->start();
+  watched_at_ = clock_->now();
+  clock_->notify(energized_changed_);
+  if (!enabled_)
+    throw DeviceError(DeviceErrorKind::refused, "coils",
+                      "the interlock was opened meanwhile (" + tripped_ + ")");
+}
+
+void Interlock::stop_beat() {
+  if (line_ && line_->beating()) line_->stop();
 }
 
 /// Lets the first set-point after a rest be a step: as if the last one were a second ago.
@@ -271,7 +306,7 @@ void Interlock::resume() {
   if (!paused_) return;
   const std::vector<double> read = amplifier_.currents();
   for (std::size_t channel = 0; channel < read.size(); ++channel)
-    if (std::abs(read[channel]) > kZero)
+    if (std::abs(read[channel]) > kZeroCurrent)
       refuse(fmt::format("coil {} carries {:.3g} A after a pause at zero", channel + 1,
                          read[channel]));
   paused_ = false;
@@ -281,28 +316,104 @@ void Interlock::resume() {
 // Task of its own: sleeps until the coils are energized, then checks every kWatchPeriod what no
 // set-point would bring to light: heat, conditions, heartbeats, a zero that was not taken.
 void Interlock::watch() {
+  Time zero_since{};
   while (true) {
     clock_->wait(
-        energized_changed_, [this] { return energized_.load(); }, kForever);
+        energized_changed_,
+        [this] { return energized_ || rest_due_ || (line_ && line_->beating()); }, kForever);
     clock_->sleep_for(kWatchPeriod);
+    watched_at_ = clock_->now();
     warm_up();
-    if (!energized_) continue;
     try {
-      if (!enabled_)
-        make_safe();  // a zero that did not get through is sent again until it does
-      else if (temperature_.hottest() > limits_.heat.limit)
-        trip(
-            fmt::format("a coil is at {:.0f} \u00b0C by the estimate from its currents, beyond the "
-                        "limit of {:.0f} \u00b0C",
-                        temperature_.hottest() - 273.15, limits_.heat.limit - 273.15));
-      else if (const std::string why = unmet(); !why.empty())
-        trip("dead-man: " + why);
-      else if (check_heartbeats(); energized_)
-        ask_amplifier();
+      if (energized_)
+        look();
+      else if (rest_due_)
+        report_rest();
+      else if (watched_at_ - zero_since >= kRest)
+        stop_beat();
     } catch (const DeviceError&) {
       // Reported by trip(); the next turn tries again.
     }
+    if (energized_) zero_since = clock_->now();
   }
+}
+
+/// The currents' own time to fall is in the reading's patience.
+void Interlock::report_rest() {
+  const CoilRest rest = read_rest();
+  if (on_rest_ && !energized_) on_rest_(rest);
+}
+
+// Without a clock once: nothing to wait by.
+CoilRest Interlock::read_rest() {
+  rest_due_ = false;
+  const Time began = clock_ == nullptr ? Time{} : clock_->now();
+  try {
+    for (;;) {
+      CoilRest rest{zeroed_at_, energized_ ? "the amplifier did not take the zero" : "",
+                    currents_now()};
+      if (!rest.measured) return rest;
+      rest.failure.clear();
+      if (clock_ == nullptr) return rest;
+      rest.at = clock_->now();
+      if (at_zero(rest) || rest.at - began >= kRestPatience) return rest;
+      clock_->sleep_for(kRestPeriod);
+    }
+  } catch (const DeviceError& error) {
+    return {clock_ == nullptr ? Time{} : clock_->now(), error.what(), std::nullopt};
+  }
+}
+
+/// By the sensor, where there is one; a coil that it does not measure is not a number.
+std::optional<std::vector<double>> Interlock::currents_now() {
+  if (!sensed_) return amplifier_.measured_currents();
+  const std::vector<double> read = sensed_->measure();
+  std::vector<double> all(sent_.size(), std::nan(""));
+  for (std::size_t i = 0; i < read.size(); ++i)
+    all[static_cast<std::size_t>(sensed_->coils()[i])] = read[i];
+  return all;
+}
+
+void Interlock::watch_by(CurrentSensor& sensor, const CurrentWatchSettings& settings) {
+  if (clock_ == nullptr) throw std::logic_error("a current sensor wants a clock");
+  for (const int coil : sensor.info().coils)
+    if (coil < 0 || coil >= amplifier_.channels())
+      throw std::invalid_argument(
+          fmt::format("current_sensor.coils: there is no coil {}, only 1 to {}", coil + 1,
+                      amplifier_.channels()));
+  sensed_ = std::make_unique<CurrentWatch>(
+      sensor, settings, *clock_, [this] { return energized_.load(); },
+      [this](const std::string& why) { trip_quietly(why); });
+}
+
+/// A trip out of a task of its own: an instrument is broken, and what fails beside is in the trip's
+/// own text; the watch tries again.
+void Interlock::trip_quietly(const std::string& why) {
+  try {
+    trip(Trip{why, true});
+  } catch (const DeviceError&) {
+  }
+}
+
+void Interlock::look() {
+  if (!enabled_)
+    make_safe();  // a zero that did not get through is sent again until it does
+  else if (const std::string why = fault(); !why.empty())
+    trip(why);
+  else
+    ask_amplifier();
+}
+
+/// Why the coils must be at zero; empty where nothing is wrong.
+std::string Interlock::fault() const {
+  if (temperature_.hottest() > limits_.heat.limit)
+    return fmt::format(
+        "a coil is at {:.0f} \u00b0C by the estimate from its currents, beyond the limit of {:.0f} "
+        "\u00b0C",
+        temperature_.hottest() - 273.15, limits_.heat.limit - 273.15);
+  if (const std::string why = unmet(); !why.empty()) return "dead-man: " + why;
+  if (line_ && line_->late()) return "the heartbeat line does not take its edges";
+  return late_heartbeat();
 }
 
 // What is held is watched: between two set-points a supply may be cut off, another program may set
@@ -326,14 +437,31 @@ void Interlock::ask_amplifier() {
     trip(Trip{wrong, true});
 }
 
-// The first that is late is named; one trip opens the coils for all.
-void Interlock::check_heartbeats() {
+/// The first that is late is named; one trip opens the coils for all. Empty: none is.
+std::string Interlock::late_heartbeat() const {
   for (const Heartbeat* heartbeat : heartbeats_) {
     const double since = to_seconds(clock_->now() - heartbeat->last_);
     if (since <= limits_.dead_man) continue;
-    trip(fmt::format("dead-man: {} has not moved for {:.0f} ms", heartbeat->name_, since * 1e3));
-    return;
+    return fmt::format("dead-man: {} has not moved for {:.0f} ms", heartbeat->name_, since * 1e3);
   }
+  return "";
+}
+
+void Interlock::beat_on(EnableLine& line, const HeartbeatSettings& settings) {
+  if (clock_ == nullptr) throw std::logic_error("a heartbeat line wants a clock");
+  line_ = std::make_unique<HeartbeatLine>(
+      line, settings, *clock_, [this] { return beat_forbidden(); },
+      [this](const std::string& why) { trip_quietly(why); });
+}
+
+/// Asked at each edge; the same rules as the watch's, and that the watch itself is alive.
+std::string Interlock::beat_forbidden() const {
+  if (!enabled_) return "the interlock is open";
+  if (const std::string why = unmet(); !why.empty()) return "dead-man: " + why;
+  if (!energized_) return "";
+  if (const std::string late = late_heartbeat(); !late.empty()) return late;
+  if (clock_->now() - watched_at_ > kWatchStuck) return "the watch of the coils is stuck";
+  return "";
 }
 
 // Registered for its lifetime: a loop that ends leaves no heartbeat behind that would be missed.

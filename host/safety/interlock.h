@@ -4,7 +4,10 @@
 
 #include "devices/roles/coil_amplifier.h"
 #include "devices/time/clock.h"
+#include "host/safety/coil_rest.h"
 #include "host/safety/coil_temperature.h"
+#include "host/safety/current_watch.h"
+#include "host/safety/heartbeat_line.h"
 #include "host/safety/read_back.h"
 
 #include <atomic>
@@ -86,6 +89,21 @@ class Interlock : public CoilAmplifier {
   /// they are; must not throw.
   void require(std::string why, std::function<bool()> holds);
 
+  /// From here on the line beats while a current may flow, and as long as the watch, every
+  /// heartbeat and every condition let it; its end is a trip. A first set-point waits for its
+  /// pick-up. The line outlives this. Wants a clock.
+  void beat_on(EnableLine& line, const HeartbeatSettings& settings);
+
+  /// From here on, while a current flows, what the sensor measures is compared with what was set; a
+  /// contradiction is a trip. The sensor outlives this. Wants a clock. Throws std::invalid_argument
+  /// for a coil that there is not.
+  void watch_by(CurrentSensor& sensor, const CurrentWatchSettings& settings);
+  /// Reads the currents back, by the sensor or the amplifier itself, until they count as zero, for
+  /// half a second at most: after make_safe(). Throws nothing but Stopped.
+  CoilRest read_rest();
+  /// Called with what was read back after each make_safe() of coils that carried a current.
+  void on_rest(std::function<void(const CoilRest&)> listener) { on_rest_ = std::move(listener); }
+
   /// Opens at once, the coils at zero, and says why: to `on_trip` and in each refusal until it is
   /// enabled again.
   void trip(const std::string& why) { trip(Trip{why, false}); }
@@ -118,10 +136,18 @@ class Interlock : public CoilAmplifier {
   void warm_up();
   void forget_slew();
   void watch();
-  void check_heartbeats();
+  std::string late_heartbeat() const;
+  std::string beat_forbidden() const;
+  void start_beat();
+  void stop_beat();
+  std::string fault() const;
   void trip(const Trip& trip);
+  void trip_quietly(const std::string& why);
+  void look();
   void ask_amplifier();
   std::string unmet() const;
+  std::optional<std::vector<double>> currents_now();
+  void report_rest();
 
   CoilAmplifier& amplifier_;
   const InterlockLimits limits_;
@@ -131,6 +157,9 @@ class Interlock : public CoilAmplifier {
   std::atomic<bool> energized_{false};
   std::string tripped_;
   std::function<void(const Trip&)> on_trip_;
+  std::function<void(const CoilRest&)> on_rest_;
+  bool rest_due_ = false;  // made safe, and not read back yet
+  Time zeroed_at_{};
   CoilTemperature temperature_;
   std::vector<double> sent_;  // A
   Time sent_at_{};
@@ -145,6 +174,9 @@ class Interlock : public CoilAmplifier {
   std::vector<Condition> conditions_;
   Signal energized_changed_;
   CoilUse use_;
+  Time watched_at_{};                     // the watch's last turn
+  std::unique_ptr<HeartbeatLine> line_;   // null: none
+  std::unique_ptr<CurrentWatch> sensed_;  // null: none
   std::unique_ptr<Task> watch_;
 };
 

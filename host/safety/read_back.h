@@ -13,16 +13,20 @@ namespace vitreo {
 
 class ReadBack {
  public:
-  /// `tolerance` in A, by which a current may be outside of what was set within the settling time.
-  explicit ReadBack(double tolerance) : tolerance_(tolerance) {}
+  /// `tolerance` in A, by which a current may be outside of what was set within `settling`, in
+  /// which it follows its set-point.
+  explicit ReadBack(double tolerance, Time settling = std::chrono::milliseconds(150))
+      : tolerance_(tolerance), settling_(settling) {}
   /// A set-point that was taken, A.
   void set(Time at, std::span<const double> currents);
   /// What contradicts it, twice in a row: a step's own transient does so once at most. Empty where
   /// nothing does, and before the first set-point.
   std::string judge(Time at, std::span<const double> measured);
+  /// The same of a sensor that measures these coils, counted from 0.
+  std::string judge(Time at, std::span<const double> measured, std::span<const int> coils);
 
  private:
-  std::string contradiction(std::span<const double> measured) const;
+  std::string contradiction(std::span<const double> measured, std::span<const int> coils) const;
   void forget_before(Time at);
 
   struct Set {
@@ -30,6 +34,7 @@ class ReadBack {
     std::vector<double> currents;
   };
   const double tolerance_;
+  const Time settling_;
   std::deque<Set> lately_;  // within the settling time, and the last before
   int contradicted_ = 0;    // in a row
 };

@@ -35,6 +35,12 @@ void Board::event(Time time, const std::string& kind, const std::string& text) {
   const std::lock_guard lock(mutex_);
   newest_ = std::max(newest_, time);
   add_line(to_seconds(time), kind, text);
+  if (kind != kCoilRest) return;
+  rest_ = Rest{to_seconds(time), text, std::nullopt};
+  // Its sample comes first, with the same time.
+  const auto read = streams_.find(kCoilReadBack);
+  if (read != streams_.end() && read->second.samples.back().time == time)
+    rest_->amperes = read->second.samples.back().values;
 }
 
 void Board::message(const std::string& line) {
@@ -58,6 +64,11 @@ std::optional<Frame> Board::frame(const std::string& camera,
   // Only a frame that the viewer does not have yet.
   if (found == frames_.end() || (after && found->second.number <= *after)) return {};
   return found->second;
+}
+
+std::optional<Rest> Board::rest() const {
+  const std::lock_guard lock(mutex_);
+  return rest_;
 }
 
 std::vector<std::string> Board::cameras() const {

@@ -22,6 +22,13 @@ struct Sample {
   std::vector<double> values;
 };
 
+/// What is known of the coils after they were made safe.
+struct Rest {
+  double time = 0;  // s of the experiment
+  std::string text;
+  std::optional<std::vector<double>> amperes;  // A, as read back
+};
+
 struct Line {
   std::uint64_t number = 0;
   double time = 0;  // s of the experiment
@@ -53,7 +60,8 @@ class Board final : public RecordListener, public ProgressListener {
   std::vector<Sample> samples(const std::string& stream, std::optional<Time> after,
                               std::size_t count) const;
   std::vector<Line> lines(std::uint64_t after) const;
-  Time now() const;  // of the newest frame, sample or event
+  std::optional<Rest> rest() const;  // the last one; nothing before the first
+  Time now() const;                  // of the newest frame, sample or event
 
  private:
   void add_line(double time, const std::string& kind, const std::string& text);
@@ -66,6 +74,7 @@ class Board final : public RecordListener, public ProgressListener {
     std::deque<Sample> samples;
   };
   std::map<std::string, Held> streams_;
+  std::optional<Rest> rest_;
   std::deque<Line> lines_;
   std::uint64_t line_count_ = 0;
   Time newest_{};

@@ -72,6 +72,19 @@ struct Sent {
   bool greeted = false;
 };
 
+/// What is known of the coils after they were made safe; null while nothing is.
+json rest_of(const Board& board) {
+  const std::optional<Rest> rest = board.rest();
+  if (!rest) return nullptr;
+  json amperes;
+  if (rest->amperes) {
+    amperes = json::array();
+    for (const double current : *rest->amperes)
+      amperes.push_back(std::isfinite(current) ? json(current) : json());
+  }
+  return {{"t", rest->time}, {"text", rest->text}, {"amperes", amperes}};
+}
+
 }  // namespace
 
 struct LiveView::State {
@@ -131,7 +144,8 @@ void LiveView::State::tick() {
   if (session == nullptr) {
     // After the run: its outcome, once.
     if (!std::exchange(end_sent, true))
-      for (const int viewer : server.viewers()) server.send(viewer, text_of({{"ended", outcome}}));
+      for (const int viewer : server.viewers())
+        server.send(viewer, text_of({{"ended", outcome}, {"rest", rest_of(board)}}));
     return;
   }
   if (now - framed >= kFramePeriod) framed = now, show_frames();
@@ -193,7 +207,8 @@ void LiveView::State::greet(int viewer, Sent& known) {
 
 /// News for this viewer: rows of streams, lines, and the status.
 void LiveView::State::show_state(int viewer, Sent& known) {
-  json message = {{"time", to_seconds(board.now())}, {"cameras", board.cameras()}};
+  json message = {
+      {"time", to_seconds(board.now())}, {"cameras", board.cameras()}, {"rest", rest_of(board)}};
   for (const StreamInfo& info : board.streams()) {
     const auto last = known.streams.find(info.name);
     const auto samples = board.samples(

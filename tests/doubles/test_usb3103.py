@@ -8,6 +8,7 @@ import math
 import struct
 import unittest
 
+from one_shot import OneShot, width
 from usb3103 import Usb3103
 
 
@@ -143,6 +144,59 @@ class Usb3103Test(unittest.TestCase):
         self.assertEqual(self.write(0x44, now=1.5), 1)
         self.assertEqual(self.device.ranges[0], 0)
         self.assertLess(self.device.volts[0], 1e-3)
+
+
+class OneShotTest(unittest.TestCase):
+    def test_a_pulse_is_k_r_c(self):
+        self.assertAlmostEqual(width(180e3, 1e-6), 0.081)  # NX: 0.45 R C
+
+    def test_each_rising_edge_prolongs_the_pulse(self):
+        shot = OneShot(0.05)
+        for k in range(10):
+            shot.input(True, 0.02 * k)
+            shot.input(False, 0.02 * k + 0.01)
+            self.assertIsNone(shot.advance(0.02 * k + 0.019))
+        self.assertAlmostEqual(shot.advance(1.0), 0.18 + 0.05)
+        self.assertIsNone(shot.advance(2.0))
+
+    def test_a_level_that_is_held_holds_nothing(self):
+        for level in (True, False):
+            shot = OneShot(0.05)
+            shot.input(True, 0.0)
+            shot.input(level, 0.01)
+            self.assertAlmostEqual(shot.advance(10.0), 0.05)
+
+
+class HeartbeatTest(unittest.TestCase):
+    """What hangs on digital line 2 of the device."""
+
+    def setUp(self):
+        self.device = Usb3103(host="libusb", one_shot=0.05, one_shot_line=2)
+        self.device.output(bytes([0x02, 2, 0]), 0.0)  # WJ usbDConfigBit: output
+        self.device.output(bytes([0x1C, 0, 1]), 0.0)
+        self.device.output(bytes([0x14, 0, 0xFF, 0xFF, 0]), 0.0)
+
+    def line(self, high, now):
+        self.device.output(bytes([0x06, 2, int(high)]), now)
+
+    def test_without_edges_nothing_is_driven(self):
+        self.assertGreater(self.device.volts[0], 9)
+        self.assertEqual(self.device.driven, 0)
+
+    def test_a_heartbeat_drives_and_its_end_stops(self):
+        for k in range(20):
+            self.line(True, 0.02 * k)
+            self.assertGreater(self.device.state(0.02 * k + 0.005)["driven"], 9)
+            self.line(False, 0.02 * k + 0.01)
+        self.assertEqual(self.device.edges, 20)
+        self.assertGreater(self.device.state(0.38 + 0.049)["driven"], 9)
+        self.assertEqual(self.device.state(0.38 + 0.051)["driven"], 0)
+        self.assertAlmostEqual([each[0] for each in self.device.history if each[1] == "amplifiers"][-1], 0.43)
+
+    def test_a_static_high_stops_too(self):
+        self.line(True, 1.0)
+        self.assertAlmostEqual(self.device.next(), 1.05)
+        self.assertEqual(self.device.state(1.06)["driven"], 0)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ Sources, named by their letters at the lines below:
   WJ   github wjasper/Linux_Drivers USB/mcc-libusb/usb-3100.c and usb-3100.h (its author has the hardware)
   WJP  the same, USB/python/usb_3100.py
   F    the project's fact sheet mcc_usb3103 (wjasper again; counts, memory map)
+  one_shot.py has those of what may hang on a digital line.
 SPDX-License-Identifier: Apache-2.0
 """
 
@@ -11,6 +12,7 @@ import errno
 import struct
 
 from double import HidDouble
+from one_shot import OneShot
 
 # WJ usb-3100.h: product ids; F: channels of 3101 and 3103. The even ones of the data sheets are not in WJ.
 CHANNELS = {0x009A: 4, 0x009B: 4, 0x009C: 8, 0x009D: 8, 0x009E: 16, 0x009F: 16, 0x00A2: 4, 0x00A3: 8, 0x00A4: 16}
@@ -44,16 +46,50 @@ class Usb3103(HidDouble):
         "blank_calibration": False,  # flash as erased: every byte FF, so that slope and offset are no numbers
         "master_at_start": True,  # no source
         "re_enumeration": 1.0,  # no source: seconds away after RESET
+        # What the laboratory has wired, not the device: a one-shot on a digital line, seconds of its pulse (0: none,
+        # the amplifiers are always on), and seconds in which the relay behind it opens.
+        "one_shot": 0.0,
+        "one_shot_line": 0,
+        "relay_release": 0.0,
     }
     STATE = (
         "ranges", "counts", "latched", "volts", "milliamperes", "port_inputs", "port_latch", "port_pins", "port_wires",
         "sync_master", "sync_input", "counter", "blinks", "unlocked", "updates", "eeprom", "flash",
+        "amplifiers", "driven", "edges",
     )
     VENDOR = 0x09DB  # F
 
     def __init__(self, **options):
+        self._shot = None
+        self.volts, self.amplifiers, self.edges = [], True, 0
         super().__init__(**options)
         self.PRODUCT = self.product
+
+    @property
+    def driven(self):
+        """The largest voltage that the amplifiers make a current of: none where they are off."""
+        return max(map(abs, self.volts), default=0.0) if self.amplifiers else 0.0
+
+    def advance(self, now):
+        """A relay opens by itself."""
+        super().advance(now)
+        opened = None if self._shot is None else self._shot.advance(now)
+        if opened is not None:
+            self.put(opened, amplifiers=False)
+
+    def next_event(self):
+        """When the relay opens."""
+        return None if self._shot is None else self._shot.opens
+
+    def _drive_one_shot(self, now):
+        if self._shot is None:
+            return
+        # An input of the port puts out nothing, which a pull-down makes low.
+        high = bool(self.port_latch & ~self.port_inputs & 1 << self.one_shot_line)
+        if high and not self._shot.level:
+            self.edges += 1
+        self._shot.input(high, now)
+        self.put(now, amplifiers=self._shot.opens is not None)
 
     @property
     def channels(self):
@@ -63,6 +99,8 @@ class Usb3103(HidDouble):
     def start(self, now):
         """Power-up. no source but the fact sheet's question mark: 0 V in the 0..10 V range, port as inputs."""
         self._away = 0.0
+        self._shot = OneShot(self.one_shot, self.relay_release) if self.one_shot > 0 else None
+        self.put(now, amplifiers=self._shot is None)
         if not hasattr(self, "eeprom"):
             self.eeprom, self.flash = bytes(256), self._factory()
             self.port_wires = 0xFF  # no source: inputs are pulled up
@@ -112,6 +150,7 @@ class Usb3103(HidDouble):
             milliamperes.append(max(0.0, ideal) * 5 / (249 * 65536) * 1e3)
         self.put(now, volts=volts, milliamperes=milliamperes)
         self.put(now, port_pins=self.port_wires & self.port_inputs | self.port_latch & ~self.port_inputs & 0xFF)
+        self._drive_one_shot(now)
 
     def arranged(self, now):
         """A rising edge on the sync pin of a slave updates the outputs (WJ usbSetSync)."""

@@ -73,6 +73,8 @@ async function steer(page) {
   await page.keyboard.press('Space');
   await state(page, 'ended:');
   seen.state = await page.textContent('#state');
+  seen.rest = await page.textContent('.coils .rest');
+  seen.coils = await page.locator('.coil .value:nth-of-type(2)').allTextContents();
 }
 
 async function answer(page) {

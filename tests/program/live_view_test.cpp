@@ -109,6 +109,9 @@ TEST(LiveView, ShowsSteersAndStopsARun) {
   EXPECT_EQ(seen["markup"], false) << "the operator's name is text";
   EXPECT_EQ(seen["secondVisit"], 403);
   EXPECT_EQ(seen["state"].get<std::string>().rfind("ended: stopped", 0), 0U) << seen["state"];
+  EXPECT_NE(seen["rest"].get<std::string>().find("coils set to 0 A at "), std::string::npos)
+      << "and not the last set-points";
+  for (const auto& shown : seen["coils"]) EXPECT_EQ(shown, "–");
   EXPECT_EQ(place.read("code"), "3\n") << place.read("out") << place.read("err");
   const std::string said = place.read("out") + place.read("err");
   EXPECT_NE(said.find("target 1:"), std::string::npos);

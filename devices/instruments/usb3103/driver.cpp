@@ -57,8 +57,24 @@ class Usb3103 final : public CoilAmplifier {
     return std::nullopt;
   }
   void make_safe() override;
+  EnableLine* enable_line() override { return settings_.heartbeat ? &line_ : nullptr; }
 
  private:
+  /// The enable line on its own; the outputs keep what they have.
+  class Line final : public EnableLine {
+   public:
+    explicit Line(Usb3103& device) : device_(device) {}
+    std::string identity() const override {
+      return "digital line " + std::to_string(*device_.settings_.enable_line) + " of " +
+             device_.identity();
+    }
+    void set(bool high) override { device_.set_enabled(high); }
+    bool high() const override { return device_.enabled_; }
+    void make_safe() override { device_.set_enabled(false); }
+
+   private:
+    Usb3103& device_;
+  };
   void configure();
   std::string zero_text() const;
   void check_identity();
@@ -92,6 +108,7 @@ class Usb3103 final : public CoilAmplifier {
   Signal answered_;
   std::array<Calibration, kChannels> calibration_{};
   std::array<double, kChannels> currents_{};  // A
+  Line line_{*this};
   bool enabled_ = false;
   int zeroed_ = 0;  // outputs to which a zero was written when it was opened
 };
@@ -236,7 +253,7 @@ void Usb3103::set_enabled(bool enabled) {
 void Usb3103::set_currents(std::span<const double> currents) {
   check(currents);
   const std::uint64_t order = orders_;
-  if (!enabled_) set_enabled(true);  // at zero, before the step
+  if (!enabled_ && !settings_.heartbeat) set_enabled(true);  // at zero, before the step
   for (int channel = 0; channel < kChannels; ++channel) {
     check_order(order);
     send(AnalogOut{static_cast<std::uint8_t>(channel), counts(channel, currents[channel]), true});
@@ -303,6 +320,8 @@ void Settings::check() const {
   if (!positive(reply_timeout)) throw std::invalid_argument("reply_timeout: must be positive");
   if (enable_line && (*enable_line < 0 || *enable_line >= kDigitalLines))
     throw std::invalid_argument("enable_line: must be 0 to 7");
+  if (heartbeat && !enable_line)
+    throw std::invalid_argument("heartbeat: wants the line that it toggles, enable_line");
 }
 
 std::unique_ptr<CoilAmplifier> open(std::unique_ptr<HidLink> link, const Settings& settings,

@@ -23,6 +23,8 @@ struct Settings {
   /// The digital line that enables the amplifiers when it is high, 0 to 7; none: they are always
   /// on. Since the device has no watchdog, this line is what an emergency stop or a relay can cut.
   std::optional<int> enable_line{};
+  /// The line is a heartbeat's (CoilAmplifier::enable_line()): set-points leave it as it is.
+  bool heartbeat = false;
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 

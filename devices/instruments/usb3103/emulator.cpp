@@ -23,8 +23,10 @@ struct Channel {
 /// for the device has no watchdog.
 class EmulatedUsb3103 final : public Emulator {
  public:
-  EmulatedUsb3103(const EmulatorSettings& settings, std::function<void(const Voltages&)> on_output)
+  EmulatedUsb3103(const EmulatorSettings& settings, std::function<void(const Voltages&)> on_output,
+                  std::function<void(int, bool)> on_line)
       : on_output_(std::move(on_output)),
+        on_line_(std::move(on_line)),
         master_(settings.master),
         master_at_first_(settings.master) {
     for (std::size_t i = 0; i < channels_.size(); ++i) {
@@ -56,7 +58,7 @@ class EmulatedUsb3103 final : public Emulator {
   void power_cycle() override {
     for (Channel& channel : channels_)
       channel = {.calibration = channel.calibration, .latched = {}};
-    directions_out_ = levels_ = 0;
+    set_lines(0, 0);
     master_ = master_at_first_;
     set({});
   }
@@ -108,16 +110,24 @@ class EmulatedUsb3103 final : public Emulator {
   std::vector<Report> handle(const GetStatus&) { return {encode_status({master_})}; }
 
   std::vector<Report> handle(const DigitalConfig& command) {
-    set_bit(directions_out_, command.line, !command.input);
+    set_lines(with_bit(directions_out_, command.line, !command.input), levels_);
     return {};
   }
   std::vector<Report> handle(const DigitalOut& command) {
-    set_bit(levels_, command.line, command.high);
+    set_lines(directions_out_, with_bit(levels_, command.line, command.high));
     return {};
   }
 
-  static void set_bit(unsigned& bits, int bit, bool on) {
-    bits = on ? bits | 1U << bit : bits & ~(1U << bit);
+  static unsigned with_bit(unsigned bits, int bit, bool on) {
+    return on ? bits | 1U << bit : bits & ~(1U << bit);
+  }
+  /// Reports what changes at the terminals.
+  void set_lines(unsigned directions_out, unsigned levels) {
+    const unsigned changed = (directions_out & levels) ^ (directions_out_ & levels_);
+    directions_out_ = directions_out;
+    levels_ = levels;
+    for (int line = 0; on_line_ && line < kDigitalLines; ++line)
+      if ((changed & 1U << line) != 0) on_line_(line, line_is_high(line));
   }
   static double volts(const Channel& channel, std::uint16_t counts) {
     return volts_from_counts(counts, channel.range, channel.calibration);
@@ -130,6 +140,7 @@ class EmulatedUsb3103 final : public Emulator {
   }
 
   std::function<void(const Voltages&)> on_output_;
+  std::function<void(int, bool)> on_line_;
   bool master_;
   const bool master_at_first_;
   std::array<Channel, kChannels> channels_;
@@ -142,8 +153,9 @@ class EmulatedUsb3103 final : public Emulator {
 }  // namespace
 
 std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings,
-                                        std::function<void(const Voltages&)> on_output) {
-  return std::make_unique<EmulatedUsb3103>(settings, std::move(on_output));
+                                        std::function<void(const Voltages&)> on_output,
+                                        std::function<void(int, bool)> on_line) {
+  return std::make_unique<EmulatedUsb3103>(settings, std::move(on_output), std::move(on_line));
 }
 
 }  // namespace vitreo::usb3103

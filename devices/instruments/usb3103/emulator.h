@@ -24,7 +24,7 @@ struct EmulatorSettings {
 /// After power-up every channel is at 0 V in the range 0 to 10 V. Reports that the device would not
 /// understand change nothing and get no answer. Throws std::invalid_argument for a calibration that
 /// is not finite or has no inverse. `on_output` is called whenever a voltage at the terminals
-/// changes, with all eight.
+/// changes, with all eight; `on_line` whenever a digital line does, with its number and level.
 class Emulator : public HidPeer {
  public:
   virtual const Voltages& outputs() const = 0;
@@ -35,6 +35,7 @@ class Emulator : public HidPeer {
   void power_cycle() override = 0;
 };
 std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings,
-                                        std::function<void(const Voltages&)> on_output);
+                                        std::function<void(const Voltages&)> on_output,
+                                        std::function<void(int, bool)> on_line = {});
 
 }  // namespace vitreo::usb3103

@@ -4,11 +4,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/zaber/driver.h"
 #include "devices/instruments/zaber/emulator.h"
+#include "devices/time/error.h"
 #include "host/rig/drivers/carried.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/serial.h"
 
 #include <algorithm>
+#include <random>
 
 namespace vitreo {
 namespace {
@@ -31,6 +33,38 @@ class BorrowedProbe : public FieldProbe {
   FieldProbe& probe_;
 };
 
+/// What flows in the simulated coils, with the noise and the time of an instrument.
+class SimulatedSensor final : public CurrentSensor {
+ public:
+  SimulatedSensor(sim::Laboratory& laboratory, Clock& clock, double noise, double duration)
+      : laboratory_(laboratory),
+        clock_(clock),
+        normal_(0, noise),
+        duration_(from_seconds(duration)) {
+    info_.identity = {"simulated current sensor", "", ""};
+    for (int coil = 0; coil < laboratory.coils(clock.now()).currents.size(); ++coil)
+      info_.coils.push_back(coil);
+  }
+  const CurrentSensorInfo& info() const override { return info_; }
+  std::vector<double> measure(Time timeout) override {
+    clock_.sleep_for(std::min(duration_, std::max(timeout, Time::zero())));
+    if (duration_ > timeout)
+      throw DeviceError(DeviceErrorKind::timeout, "current_sensor", "no answer in time");
+    const control::Currents flowing = laboratory_.coils(clock_.now()).currents;
+    std::vector<double> read(flowing.begin(), flowing.end());
+    for (double& current : read) current += normal_(random_);
+    return read;
+  }
+
+ private:
+  sim::Laboratory& laboratory_;
+  Clock& clock_;
+  std::mt19937_64 random_{1};
+  std::normal_distribution<double> normal_;
+  const Time duration_;
+  CurrentSensorInfo info_;
+};
+
 /// Defaults of an axis: m and m/s of a linear one, rad and rad/s of a rotary one.
 struct Usual {
   double travel;
@@ -40,7 +74,7 @@ struct Usual {
 };
 constexpr Usual kSensor{15e-3, 20e-3, 5e-3, 1e-6};
 constexpr Usual kProbe{20e-3, 20e-3, 10e-3, 5e-6};
-constexpr Usual kTurn{1e3, 3, 1, 1e-4};
+constexpr Usual kTurntable{1e3, 3, 1, 1e-4};
 
 // `resolution` is a microstep; Zaber's settings count full steps of kUsteps microsteps.
 zaber::AxisSettings read_axis(ConfigReader& reader, const Usual& usual, double travel) {
@@ -114,7 +148,7 @@ Opener<RotationStage> read_simulated_rotation(const InstrumentReader& instrument
   only_emulated(instrument);
   zaber::Settings settings;
   settings.name = instrument.role;
-  settings.axes = {read_axis(instrument.reader, kTurn, kTurn.travel)};
+  settings.axes = {read_axis(instrument.reader, kTurntable, kTurntable.travel)};
   settings.axes.front().name = "turn";
   check_settings(instrument, settings);
   return [settings](const RigContext& where) -> Opened<RotationStage> {
@@ -126,6 +160,16 @@ Opener<RotationStage> read_simulated_rotation(const InstrumentReader& instrument
         ideal_place(), emulator, where, "rotation_stage", [&](std::unique_ptr<ByteLink> link) {
           return zaber::open_rotary(std::move(link), settings, where.clock);
         });
+  };
+}
+
+Opener<CurrentSensor> read_simulated_sensor(const InstrumentReader& instrument) {
+  only_emulated(instrument);
+  const double noise = instrument.reader.number("noise", 5e-3, {1e-9, 1, "A"});
+  const double duration = instrument.reader.number("duration", 0.02, {1e-6, 1, "s"});
+  return [noise, duration](const RigContext& where) -> Opened<CurrentSensor> {
+    return {nullptr,
+            std::make_unique<SimulatedSensor>(*where.laboratory, where.clock, noise, duration)};
   };
 }
 

@@ -22,6 +22,7 @@ Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
   settings.current_limit = reader.number("current_limit", settings.current_limit, {0.1, 20, "A"});
   settings.reply_timeout = reader.number("reply_timeout", settings.reply_timeout, {1e-3, 5, "s"});
   if (reader.has("enable_line")) settings.enable_line = reader.integer("enable_line", 0, 0, 7);
+  settings.heartbeat = settings.enable_line && reader.has("heartbeat");
   const double interval = read_transfer_interval(instrument);
   instrument.links.loads.push_back(
       {instrument.role, "a set point", usb3103::update_time(interval), true, 0});

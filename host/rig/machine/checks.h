@@ -62,6 +62,7 @@ Findings check_network(const Scene& scene);
 
 // The computer itself (sleep.cpp, computer.cpp).
 Findings check_sleep(const Scene& scene);
+Findings check_guardian(const Scene& scene);
 Findings check_clock(const Scene& scene);
 Findings check_cpu(const Scene& scene);
 Findings check_cpu_speed(const Scene& scene);

@@ -33,6 +33,7 @@ const std::vector<Row>& rows_of_checks() {
       {"socket_buffers", check_socket_buffers, {"genicam"}},
       {"network", check_network, {"genicam"}},
       {"sleep", check_sleep, {}},
+      {"guardian", check_guardian, {}, false, true},
       {"priority", check_priority, {}, false, true},
       {"cpu_speed", check_cpu_speed, {}},
       {"cpu", check_cpu, {}, true},

@@ -5,6 +5,7 @@
 #include "devices/time/clock.h"
 #include "devices/time/error.h"
 #include "host/safety/guardian/duty.h"
+#include "host/safety/guardian/own_group.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -144,7 +145,8 @@ int guard(pid_t host_pid) {
     send(kSocket, said.data(), said.size(), MSG_NOSIGNAL);
     return 1;
   }
-  send(kSocket, &kReady, 1, MSG_NOSIGNAL);
+  const char ready = leave_group_of(host_pid) ? kReady : kReadyShared;
+  send(kSocket, &ready, 1, MSG_NOSIGNAL);
   switch (watch(host)) {
     case Verdict::leave:
       return 0;

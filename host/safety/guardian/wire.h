@@ -19,7 +19,8 @@ constexpr std::chrono::milliseconds kSilence{200};
 constexpr std::size_t kLongest = 16384;  // bytes of a message
 
 // From the guardian.
-constexpr char kReady = 'R';
+constexpr char kReady = 'R';        // and in a control group of its own, where that matters
+constexpr char kReadyShared = 'r';  // but in the host's control group: what kills that kills both
 // From the host.
 constexpr char kBeatMessage = 'b';
 constexpr char kArm = 'a';         // something is about to be energized

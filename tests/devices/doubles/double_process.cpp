@@ -246,6 +246,26 @@ class DoubleHid final : public HidLink {
   Clock& clock_;
 };
 
+class DoublePeer final : public HidPeer {
+ public:
+  DoublePeer(const std::string& path, std::vector<std::uint8_t> questions)
+      : frames_(path), questions_(std::move(questions)) {}
+  std::vector<std::vector<std::uint8_t>> receive(std::span<const std::uint8_t> report) override {
+    std::vector<std::vector<std::uint8_t>> answers;
+    frames_.ask('O', report);
+    const bool asks = !report.empty() && std::find(questions_.begin(), questions_.end(),
+                                                   report.front()) != questions_.end();
+    if (asks)
+      if (auto answer = frames_.report(kAnswerMs)) answers.push_back(std::move(*answer));
+    return answers;
+  }
+
+ private:
+  static constexpr int kAnswerMs = 50;
+  Frames frames_;
+  const std::vector<std::uint8_t> questions_;
+};
+
 class DoubleUsb final : public UsbLink {
  public:
   DoubleUsb(const std::string& path, Clock& clock) : frames_(path), clock_(clock) {}
@@ -285,6 +305,10 @@ class DoubleUsb final : public UsbLink {
 
 std::unique_ptr<HidLink> open_double_hid(const std::string& socket, Clock& clock) {
   return std::make_unique<DoubleHid>(socket, clock);
+}
+std::unique_ptr<HidPeer> double_hid_peer(const std::string& socket,
+                                         const std::vector<std::uint8_t>& questions) {
+  return std::make_unique<DoublePeer>(socket, questions);
 }
 std::unique_ptr<UsbLink> open_double_usb(const std::string& socket, Clock& clock) {
   return std::make_unique<DoubleUsb>(socket, clock);

@@ -7,6 +7,7 @@
 #include "devices/links/usb_link.h"
 #include "devices/time/clock.h"
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <sys/types.h>
@@ -52,6 +53,10 @@ class DoubleProcess {
 
 /// The host's end of a double on a socket.
 std::unique_ptr<HidLink> open_double_hid(const std::string& socket, Clock& clock);
+/// The far end of a wire that a testbed plugs in: what the system's own HID path carries goes to
+/// the double. `questions`: first bytes of the reports that the instrument answers.
+std::unique_ptr<HidPeer> double_hid_peer(const std::string& socket,
+                                         const std::vector<std::uint8_t>& questions);
 std::unique_ptr<UsbLink> open_double_usb(const std::string& socket, Clock& clock);
 
 }  // namespace vitreo

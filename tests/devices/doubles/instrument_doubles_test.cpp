@@ -1,11 +1,13 @@
 // Stages, the lens mover, the field probe and operator inputs against doubles by another hand. On
 // the wall clock, over real lines.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/contract/current_sensor.h"
 #include "devices/contract/field_probe.h"
 #include "devices/contract/lens_mover.h"
 #include "devices/contract/stage.h"
 #include "devices/instruments/foot_pedal/driver.h"
 #include "devices/instruments/pololu_tic/driver.h"
+#include "devices/instruments/scpi_logger/driver.h"
 #include "devices/instruments/scpi_probe/driver.h"
 #include "devices/instruments/spacemouse/driver.h"
 #include "devices/instruments/sutter_mp285/driver.h"
@@ -41,6 +43,42 @@ std::string name_of(const Options& options) {
 
 std::unique_ptr<ByteLink> line_to(const DoubleProcess& instrument, int baud, Clock& clock) {
   return open_byte_link(instrument.address(), {.baud_rate = baud}, clock);
+}
+
+class ScpiLoggerDouble : public testing::TestWithParam<Options> {};
+TEST_P(ScpiLoggerDouble, KeepsTheContractOfACurrentSensor) {
+  const auto clock = wall_clock();
+  DoubleProcess instrument("scpi_logger", GetParam());
+  instrument.order(R"({"set": {"volts": {"101": 0.75, "104": -0.3, "108": 2}}})");
+  scpi_logger::Settings settings;
+  settings.coils = {{0, 104, 10}, {2, 101, -2}, {7, 108, 1}};
+  const auto sensor = scpi_logger::open(line_to(instrument, 57600, *clock), settings, *clock);
+  contract::CurrentSensorCheck how;
+  how.really = [] { return std::vector{-3.0, -1.5, 2.0}; };
+  how.tolerance = 1e-6;
+  EXPECT_EQ(contract::check(*sensor, how), Findings{});
+  EXPECT_EQ(instrument.order(R"({"get": "errors"})").find("[]") != std::string::npos, true);
+}
+INSTANTIATE_TEST_SUITE_P(Ways, ScpiLoggerDouble,
+                         testing::Values(Options{}, Options{"model=daq970a"},
+                                         Options{"terminator=crlf"}, Options{"late=0.05"},
+                                         Options{"left=UNIT TIME ALAR"},
+                                         Options{"nulls=3", "banner=34970A\n"}),
+                         [](const auto& made) { return name_of(made.param); });
+
+/// A sweep of eight channels, as the watch of the coils asks for.
+TEST(ScpiLoggerDouble, ASweepOfEightCoilsIsFastEnoughForTheWatch) {
+  const auto clock = wall_clock();
+  DoubleProcess instrument("scpi_logger");
+  scpi_logger::Settings settings;
+  settings.line_cycles = 0.02;
+  for (int coil = 0; coil < 8; ++coil) settings.coils.push_back({coil, 101 + coil, 1});
+  const auto sensor = scpi_logger::open(line_to(instrument, 57600, *clock), settings, *clock);
+  const auto began = std::chrono::steady_clock::now();
+  for (int i = 0; i < 20; ++i) sensor->measure(1s);
+  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - began;
+  std::printf("a sweep of eight channels: %.0f ms\n", took.count() / 20);
+  EXPECT_LT(took.count() / 20, 80);
 }
 
 class ZaberDouble : public testing::TestWithParam<Options> {};

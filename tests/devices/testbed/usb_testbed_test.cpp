@@ -23,6 +23,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -253,6 +254,36 @@ TEST_F(Usb3103OverHidraw, AnUpdateTakesAFrameForEachReport) {
               took[25] * 1e3);
   EXPECT_GE(took.front(), 10e-3);
   EXPECT_LE(took.front(), 1.5 * 11e-3);  // as of ATransferTakesAFrame
+}
+
+// A set point, a heartbeat and a watch write to one device: a report on its way is another task's.
+TEST_F(Usb3103OverHidraw, ReportsOfTwoTasksAllArrive) {
+  struct Counter : HidPeer {
+    std::vector<std::vector<std::uint8_t>> receive(std::span<const std::uint8_t> report) override {
+      ++counts[report[1]];
+      return {};
+    }
+    std::map<int, int> counts;
+  } counter;
+  UsbIdentity identity = kUsb3103;
+  identity.serial = "counter";
+  const int plugged = testbed->plug(counter, identity);
+  constexpr int kReports = 300;
+  {
+    const auto link = open_hid_link(parse_usb_address("hid", "hid:09db:009c:counter"), *clock);
+    const auto write = [&](std::uint8_t who) {
+      for (int i = 0; i < kReports; ++i)
+        link->write(std::vector<std::uint8_t>{0x06, who, std::uint8_t(i % 2)});
+    };
+    const auto other = clock->spawn("other", [&] { write(2); });
+    write(1);
+    other->join();
+  }
+  testbed->with_emulators([&] {
+    EXPECT_EQ(counter.counts[1], kReports);
+    EXPECT_EQ(counter.counts[2], kReports);
+  });
+  testbed->unplug(plugged);
 }
 
 // Each device has its own place in a frame, and no handler sleeps while another's transfer waits.

@@ -8,11 +8,15 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace vitreo::view {
 namespace {
+
+using namespace std::chrono_literals;
 
 /// A run on a rig without instruments, shown to every viewer.
 struct LiveViewTest : testing::Test {
@@ -94,6 +98,23 @@ TEST_F(LiveViewTest, AnOperatorWhoseBrowserIsGoneLosesControlAndNothingElseHappe
   EXPECT_EQ(session.control.tier(), StopTier::none);
   EXPECT_FALSE(session.targets.take());
   EXPECT_NE(ask(*other, R"({"do": "take"})", R"({"done":"take"})"), "");
+}
+
+// Else the page would go on showing the last set-points of a run that was stopped.
+TEST_F(LiveViewTest, WhatWasReadBackAfterAStopIsShownAndStaysAtTheEnd) {
+  const auto viewer = join();
+  const int currents = recorder.add_stream({"currents", "set-points", {{"i1", "A"}, {"i2", "A"}}});
+  recorder.sample(currents, 1s, std::vector<double>{1.27, -1.27});
+  EXPECT_NE(viewer->hear(R"("rest":null)").find(R"("rest":null)"), std::string::npos);
+  const int back = recorder.add_stream({kCoilReadBack, "read back", {{"i1", "A"}, {"i2", "A"}}});
+  recorder.sample(back, 2s, std::vector<double>{0.01, std::nan("")});
+  recorder.event(2s, kCoilRest, "coils 0.01 A, read back at 12:03:11.250");
+  const std::string rest =
+      R"("rest":{"amperes":[0.01,null],"t":2.0,"text":"coils 0.01 A, read back at 12:03:11.250"})";
+  EXPECT_NE(viewer->hear(rest).find(rest), std::string::npos);
+  view.end("stopped");
+  const std::string last = viewer->hear(rest);
+  EXPECT_NE(last.find(R"("ended":"stopped")"), std::string::npos) << last;
 }
 
 TEST_F(LiveViewTest, WhoeverSeesItMayStopIt) {

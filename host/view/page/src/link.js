@@ -9,6 +9,7 @@ export function createStore() {
     hello: null,
     time: 0,
     status: {},
+    rest: null, // what is known of the coils after they were made safe: { t, text, amperes: [..] or null }
     cameras: [],
     streams: {}, // name: { channels: {name: index}, rows: [[t, ...], ...] }
     lines: [],
@@ -45,6 +46,7 @@ function take(store, message) {
   if (message.time !== undefined) store.time = message.time;
   if (message.cameras) store.cameras = message.cameras;
   if (message.status) store.status = message.status;
+  if (message.rest) store.rest = message.rest;
   for (const [name, part] of Object.entries(message.streams ?? {})) {
     const held = (store.streams[name] ??= { channels: {}, rows: [] });
     part.channels.forEach((channel, index) => (held.channels[channel] = index));

@@ -92,13 +92,16 @@ export function Coils({ store }) {
   const currents = newest(store, 'currents'), warm = newest(store, 'coil_temperature'), servo = newest(store, 'servo');
   const limit = store.hello?.geometry.current_limit ?? 20;
   const field = store.status.field;
+  // What was sent last no longer flows once the coils were made safe.
+  const rest = store.rest && store.rest.t >= (currents?.t ?? 0) ? store.rest : null;
   const names = currents ? Object.keys(currents).filter((name) => name !== 't') : [];
   const temperatures = warm ? showColumn(Object.values(warm).slice(1), 'K', 2) : null;
   return (
     <section class="coils">
       <h2>Coils</h2>
       {names.map((name, i) => {
-        const share = Math.max(-1, Math.min(1, currents[name] / limit));
+        const current = rest ? (rest.amperes?.[i] ?? null) : currents[name];
+        const share = Math.max(-1, Math.min(1, (current ?? 0) / limit));
         return (
           <div class="coil">
             <span>{i + 1}</span>
@@ -107,11 +110,12 @@ export function Coils({ store }) {
               <rect x={Math.min(0, share * 100)} width={Math.abs(share) * 100} height="12" class={Math.abs(share) > 0.9 ? 'full' : 'part'} />
               <line x1="0" x2="0" y1="0" y2="12" class="middle" />
             </svg>
-            <span class="value">{currents[name].toFixed(2)} A</span>
+            <span class="value">{current == null ? '–' : `${current.toFixed(2)} A`}</span>
             <span class="value">{temperatures ? `${temperatures.numbers[i]} ${temperatures.unit}` : ''}</span>
           </div>
         );
       })}
+      {rest ? <p class="rest">{rest.text}</p> : null}
       <p class="quiet">
         {names.length ? `headroom ${servo?.headroom != null ? (servo.headroom * 100).toFixed(0) : '–'} % of ${limit} A${servo?.limited ? ' · LIMITED' : ''}` : 'no currents yet'}
       </p>

@@ -27,7 +27,7 @@ struct RunEngineTest : testing::Test {
                         << body << "\nend }";
     RunRequest request;
     request.what.protocol_file = file;
-    request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+    request.where.rig_file = rig_file;
     request.where.out = (folder.path() / "runs").string();
     return run_protocol(*engine, request, listener, [&](const Recorder& recorder, OpenRig& rig) {
       inspected = true;
@@ -41,6 +41,7 @@ struct RunEngineTest : testing::Test {
   void TearDown() override { EXPECT_TRUE(inspected); }
 
   TemporaryFolder folder;
+  std::string rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
   SilentListener listener;
   std::unique_ptr<ScriptEngine> engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
   bool inspected = false;
@@ -75,6 +76,61 @@ TEST_F(RunEngineTest, AnErrorInTheScriptLeavesZero) {
   EXPECT_EQ(result.exit_code, ExitCode::script_error);
   EXPECT_EQ(outcome_in_record, Outcome::failed);
   EXPECT_NE(result.reason.find("protocol.lua:10: on purpose"), std::string::npos) << result.reason;
+}
+
+/// The last event of what is known of the coils at their rest.
+std::string rest_in(const Recorder& recorder) { return coil_rest_text(recorder.data()); }
+
+TEST_F(RunEngineTest, TheRecordSaysWhatTheCoilsCarryAtItsEnd) {
+  std::string text, end;
+  run("rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nrun:wait(0.2*s)",
+      [&](const Recorder& recorder, OpenRig&) {
+        text = rest_in(recorder);
+        end = summary(recorder.data()).at("coils_at_end");
+        EXPECT_EQ(recorder.stream(kCoilReadBack), nullptr) << "nothing can be read back";
+      });
+  EXPECT_EQ(text.find("coils set to 0 A at "), 0U) << text;
+  EXPECT_NE(text.find(" s; this rig has no read-back"), std::string::npos) << text;
+  EXPECT_EQ(end, text);
+}
+
+TEST_F(RunEngineTest, TheRecordSaysWhatACurrentSensorReadBackAtItsEnd) {
+  std::ofstream(folder.path() / "rig.lua") << "return { base = '" VITREO_SOURCE_DIR
+                                              "/scripts/rigs/simulated.lua',\n"
+                                              "current_sensor = { driver = 'simulated' } }";
+  rig_file = (folder.path() / "rig.lua").string();
+  std::string text;
+  run("rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nrun:wait(0.5*s)\nerror('on purpose')",
+      [&](const Recorder& recorder, OpenRig&) {
+        text = rest_in(recorder);
+        const Stream* const back = recorder.stream(kCoilReadBack);
+        ASSERT_NE(back, nullptr);
+        EXPECT_EQ(back->info.channels.size(), 8U);
+        for (std::size_t coil = 0; coil < 8; ++coil)
+          EXPECT_NEAR(back->at(back->times.size() - 1, coil), 0, kZeroCurrent);
+        EXPECT_EQ(recorder.data().events.back().kind, kCoilRest) << "after the coils are safe";
+      });
+  EXPECT_EQ(text.find("coils 0.0"), 0U) << text;
+  EXPECT_NE(text.find(" A, read back at "), std::string::npos) << text;
+}
+
+// The heartbeat line in the simulated laboratory: currents flow through its relay, or not at all.
+TEST_F(RunEngineTest, WithAHeartbeatLineARunGoesAsWithout) {
+  std::ofstream(folder.path() / "rig.lua") << "return { base = '" VITREO_SOURCE_DIR
+                                              "/scripts/rigs/simulated.lua',\n"
+                                              "enable_line = { driver = 'serial_line' } }";
+  rig_file = (folder.path() / "rig.lua").string();
+  const RunResult result =
+      run("rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nrun:wait(1*s)\n"
+          "rig.coils:set_currents { 0, 0, 0, 0, 0, 0, 0, 0 }\nrun:wait(3*s)\n" +
+              held_and_then(""),
+          [&](const Recorder& recorder, OpenRig& rig) {
+            ASSERT_NE(rig.rig().enable_line, nullptr);
+            EXPECT_FALSE(rig.rig().enable_line->high());
+            const Stream& servo = *recorder.stream("servo");
+            EXPECT_GT(servo.times.size(), 5U);
+          });
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
 }
 
 TEST_F(RunEngineTest, AnErrorWhileConstantCurrentsFlowLeavesZero) {

@@ -106,6 +106,9 @@ FakeMachine::FakeMachine() {
   write("/sys/module/usbcore/parameters/usbfs_memory_mb", "1000\n");
   write("/sys/power/state", "freeze mem disk\n");
   write("/run/systemd/system/unit", "");
+  write("/run/user/54321/systemd/private", "");
+  write("/usr/bin/systemd-run", "");
+  write("/proc/self/cgroup", "0::/user.slice/user-54321.slice/session-2.scope\n");
   write("/etc/systemd/sleep.conf.d/60-vitreo.conf", "[Sleep]\nAllowSuspend=no\n");
   write("/sys/class/input/input1/capabilities/sw", "1\n");
   write("/sys/devices/system/cpu/cpufreq/policy0/scaling_governor", "performance\n");

@@ -9,6 +9,7 @@
 #include "devices/testbed/usb_testbed.h"
 #include "devices/time/error.h"
 #include "host/safety/guardian/duty.h"
+#include "tests/devices/doubles/double_process.h"
 #include "tests/devices/links/echo_peer.h"
 #include "tests/devices/links/real_end.h"
 
@@ -117,9 +118,37 @@ struct Lamp3103 : Usb {
   }
 };
 
+/// The same interface by another hand, with a one-shot of 80 ms and a relay on its digital line.
+struct DoubledUsb : Amplifier {
+  DoubledUsb(const std::string& line, const std::vector<std::string>& wired)
+      : table(line), interface(DoubleProcess::on_socket("usb3103", wired)) {}
+  ~DoubledUsb() override { testbed.reset(); }
+  std::string rig() const override {
+    return R"(coils = { driver = "usb3103", address = "hid:09db:009c", )" + table + " }";
+  }
+  /// V of which the amplifiers make a current.
+  double output() override { return interface.number("driven"); }
+  bool enabled() override {
+    return interface.order(R"({"get": "amplifiers"})").find("true") != std::string::npos;
+  }
+
+  const std::string table;
+  DoubleProcess interface;
+  std::unique_ptr<HidPeer> peer = double_hid_peer(interface.address(), {0x44, 0x30});
+  std::unique_ptr<UsbTestbed> testbed = make_usb_testbed();
+  int plug = testbed->plug(*peer, kUsb3103);
+};
+
+const std::vector<std::string> kWired{"one_shot=0.08", "one_shot_line=0", "relay_release=0.015"};
+
+struct HeartbeatUsb : DoubledUsb {
+  HeartbeatUsb() : DoubledUsb("enable_line = 0, heartbeat = 50, one_shot = 0.08", kWired) {}
+};
+
 struct Kepco : Amplifier {
   std::string rig() const override {
-    return "coils = { driver = \"kepco_bop\", address = \"" + end.address() + "\", max_slope = 1000 }";
+    return "coils = { driver = \"kepco_bop\", address = \"" + end.address() +
+           "\", max_slope = 1000 }";
   }
   double output() override {
     return end.look([&] { return std::abs(emulator->current()); });
@@ -419,6 +448,215 @@ TEST_F(GuardianTest, ZeroesTheUnitsThatItReachesWhenOneIsGone) {
   EXPECT_THROW(duty.bring_to_zero(*clock), DeviceError);
   EXPECT_FALSE(here.enabled());
   EXPECT_EQ(here.output(), 0);
+}
+
+/// What happens to host, guardian and cable; and within which time, ms, the amplifiers are off.
+struct BadDay {
+  const char* name;
+  std::function<void(Host& host, pid_t guardian, HeartbeatUsb& coils)> begin;
+  bool held = false;  // nothing is set again: only the beat can stop
+};
+
+/// What a guardian can do nothing about, among the rest.
+const std::vector<BadDay>& bad_days() {
+  static const std::vector<BadDay> all{
+      {"host killed", [](Host& host, pid_t, HeartbeatUsb&) { host.signal(SIGKILL); }},
+      {"host frozen", [](Host& host, pid_t, HeartbeatUsb&) { host.signal(SIGSTOP); }},
+      {"guardian killed", [](Host&, pid_t guardian, HeartbeatUsb&) { kill(guardian, SIGKILL); },
+       true},
+      {"both killed at once",
+       [](Host& host, pid_t guardian, HeartbeatUsb&) {
+         kill(guardian, SIGKILL);
+         host.signal(SIGKILL);
+       }},
+      {"both frozen, as in a suspend or a panic",
+       [](Host& host, pid_t guardian, HeartbeatUsb&) {
+         kill(guardian, SIGSTOP);
+         host.signal(SIGSTOP);
+       },
+       true},
+      {"cable out", [](Host&, pid_t, HeartbeatUsb& coils) { coils.testbed->unplug(coils.plug); },
+       true},
+  };
+  return all;
+}
+
+TEST_F(GuardianTest, WithAHeartbeatLineTheAmplifiersAreOffWithin100MsOfAnything) {
+  for (const BadDay& day : bad_days()) {
+    std::vector<double> took;
+    for (int i = 0; i < trials() && !HasFailure(); ++i) {
+      HeartbeatUsb coils;
+      const std::unique_ptr<Host> host = energize(coils, day.held ? kHeld : kProtocol);
+      ASSERT_NE(host, nullptr);
+      const pid_t guardian = host->guardian();
+      ASSERT_GT(guardian, 0);
+      std::this_thread::sleep_for(
+          std::chrono::duration<double>(std::uniform_real_distribution(0.1, 0.15)(random)));
+      const auto began = Steady::now();
+      day.begin(*host, guardian, coils);
+      const auto off = time_until(3s, [&] { return coils.output() < 1e-3; });
+      ASSERT_TRUE(off) << day.name << ": " << log();
+      took.push_back(Milliseconds(Steady::now() - began).count());
+      EXPECT_FALSE(time_until(300ms, [&] { return coils.output() > 1e-3; })) << "on again";
+      kill(guardian, SIGKILL);
+    }
+    std::sort(took.begin(), took.end());
+    if (took.empty()) return;
+    std::printf("heartbeat line, %s: %zu; off after median %.0f ms, largest %.0f ms\n", day.name,
+                took.size(), took[took.size() / 2], took.back());
+    EXPECT_LT(took.back(), 100) << day.name;
+  }
+}
+
+// What the tests above can see: the same without the heartbeat.
+TEST_F(GuardianTest, WithAStaticLineTheAmplifiersStayOnWhenHostAndGuardianAreKilledAtOnce) {
+  DoubledUsb coils("enable_line = 0", {});
+  const std::unique_ptr<Host> host = energize(coils);
+  ASSERT_NE(host, nullptr);
+  kill(host->guardian(), SIGKILL);
+  host->signal(SIGKILL);
+  EXPECT_FALSE(time_until(1s, [&] { return coils.output() < 0.4; }));
+  EXPECT_EQ(coils.interface.number("port_latch"), 1) << "and the line is high";
+}
+
+// D2's sister: the interface by another hand, on the system's own path, and the guardian's rescue.
+TEST_F(GuardianTest, ZeroesTheDoubleOfAUsb3103WhenTheHostIsKilledAndWhenItIsFrozen) {
+  for (const int signal : {SIGKILL, SIGSTOP}) {
+    DoubledUsb coils("enable_line = 0", {});
+    const double took = trial(coils, signal);
+    std::printf("USB-3103 by another hand, %s: at zero after %.0f ms\n",
+                signal == SIGKILL ? "SIGKILL" : "SIGSTOP", took);
+    EXPECT_EQ(coils.interface.number("port_latch"), 0);
+  }
+}
+
+TEST_F(GuardianTest, DarkensTheDoubleOfALampWhenTheHostIsKilled) {
+  struct DoubledLamp : DoubledUsb {
+    DoubledLamp() : DoubledUsb("", {}) {}
+    std::string rig() const override {
+      return R"(lamp = { driver = "led", address = "hid:09db:009c", enable_line = 0 })";
+    }
+  } lamp;
+  std::printf("lamp by another hand, SIGKILL: dark after %.0f ms\n", trial(lamp, SIGKILL, kHeld));
+}
+
+/// The interface by another hand, with shunts on a data logger by another hand: 0.5 V/A.
+struct SensedUsb : DoubledUsb {
+  SensedUsb() : DoubledUsb("enable_line = 0", {}) {}
+  std::string rig() const override {
+    return DoubledUsb::rig() + R"(, current_sensor = { driver = "scpi_logger", address = ")" +
+           logger.address() +
+           R"(", channels = { 101, 102, 103, 104, 105, 106, 107, 108 }, amperes_per_volt = { 2 },
+              line_cycles = 0.02 })";
+  }
+  /// What the shunts carry follows what the interface puts out.
+  double output() override {
+    const std::string said = interface.order(R"({"get": "volts"})");
+    std::string volts;
+    std::istringstream numbers(said.substr(said.find('[') + 1));
+    int channel = 101;
+    for (std::string one; std::getline(numbers, one, ',') && channel <= 108; ++channel)
+      volts += (volts.empty() ? "\"" : ", \"") + std::to_string(channel) +
+               "\": " + one.substr(0, one.find(']'));
+    logger.order(R"({"set": {"volts": {)" + volts + "}}}");
+    return DoubledUsb::output();
+  }
+  bool enabled() override { return interface.number("port_latch") != 0; }
+  DoubleProcess logger{"scpi_logger", {}};
+};
+
+// Another program, or a reset, sets the outputs of a device that cannot tell: they are read back
+// elsewhere.
+TEST_F(GuardianTest, AForeignZeroingOfAUsb3103IsNoticedWithin200MsByACurrentSensor) {
+  std::vector<double> took;
+  for (int i = 0; i < trials() && !HasFailure(); ++i) {
+    SensedUsb coils;
+    const std::unique_ptr<Host> host = energize(coils, kHeld);
+    ASSERT_NE(host, nullptr);
+    const double settled = std::uniform_real_distribution(0.3, 0.4)(random);
+    time_until(std::chrono::duration_cast<Steady::duration>(std::chrono::duration<double>(settled)),
+               [&] { return coils.output() < 0; });
+    ASSERT_TRUE(coils.enabled()) << "noticed before it happened: " << log();
+    coils.interface.order(
+        R"({"set": {"counts": [32768, 32768, 32768, 32768, 32768, 32768, 32768, 32768]}})");
+    const auto began = Steady::now();
+    ASSERT_TRUE(time_until(5s, [&] { return coils.output() < 0 || !coils.enabled(); })) << log();
+    took.push_back(Milliseconds(Steady::now() - began).count());
+    std::optional<int> status;
+    ASSERT_TRUE(time_until(20s, [&] {
+      coils.output();
+      return (status = host->status()).has_value();
+    })) << log();
+    EXPECT_EQ(WEXITSTATUS(*status), 4) << log();
+    EXPECT_TRUE(guardian_says("by the current sensor")) << log();
+  }
+  std::sort(took.begin(), took.end());
+  if (took.empty()) return;
+  std::printf(
+      "foreign zeroing, by a current sensor: %zu; noticed after median %.0f ms, largest %.0f ms\n",
+      took.size(), took[took.size() / 2], took.back());
+  EXPECT_LT(took.back(), 200);
+}
+
+/// A control group (version 2) in which this process, and what it starts, is while it lives.
+class ControlGroup {
+ public:
+  ControlGroup() {
+    std::ifstream mounts("/proc/self/mounts");
+    for (std::string line; std::getline(mounts, line);) {
+      std::istringstream words(line);
+      std::string device, place, type;
+      words >> device >> place >> type;
+      if (type == "cgroup2") root_ = place;
+    }
+    std::error_code error;
+    group_ = root_ / ("vitreo_test-" + std::to_string(getpid()));
+    there_ = !root_.empty() && std::filesystem::create_directory(group_, error) && !error &&
+             std::filesystem::exists(group_ / "cgroup.kill");
+  }
+  ~ControlGroup() {
+    leave();
+    for (int i = 0; i < 100 && ::rmdir(group_.c_str()) != 0 && errno == EBUSY; ++i)
+      std::this_thread::sleep_for(10ms);
+  }
+  ControlGroup(const ControlGroup&) = delete;
+  ControlGroup& operator=(const ControlGroup&) = delete;
+  bool there() const { return there_; }
+  void enter(pid_t process) const { write(group_ / "cgroup.procs", std::to_string(process)); }
+  void leave() const { write(root_ / "cgroup.procs", std::to_string(getpid())); }
+  void kill() const { write(group_ / "cgroup.kill", "1"); }
+
+ private:
+  static void write(const std::filesystem::path& file, const std::string& text) {
+    std::ofstream(file) << text << std::flush;
+  }
+  std::filesystem::path root_, group_;
+  bool there_ = false;
+};
+
+TEST_F(GuardianTest, OutlivesTheControlGroupOfItsHost) {
+  const ControlGroup group;
+  if (!group.there()) GTEST_SKIP() << "wants cgroup v2 and the right to make a group";
+  for (const bool shared : {false, true}) {
+    Usb amplifier;
+    group.enter(getpid());
+    const std::unique_ptr<Host> host = energize(amplifier, kHeld);
+    group.leave();
+    ASSERT_NE(host, nullptr);
+    const pid_t guardian = host->guardian();
+    ASSERT_GT(guardian, 0);
+    // What the test can see: a guardian that is in the group dies with it.
+    if (shared) group.enter(guardian);
+    group.kill();
+    const auto zero = time_until(2s, [&] { return amplifier.output() < 1e-3; });
+    if (shared) {
+      EXPECT_FALSE(zero) << "so a current flows on";
+      continue;
+    }
+    ASSERT_TRUE(zero) << log();
+    std::printf("control group killed: at zero after %.0f ms\n", zero->count());
+    EXPECT_TRUE(time_until(5s, [&] { return guardian_says("is at zero"); })) << log();
+  }
 }
 
 }  // namespace
