@@ -14,6 +14,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <sys/klog.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
@@ -65,13 +66,6 @@ void write_all(int to, const std::string& text) {
   ::signal(SIGPIPE, SIG_DFL);
   ::execvp(pointers[0], pointers.data());
   ::_exit(127);
-}
-
-/// An operator's rights. Groups before the user: afterwards they could not be changed.
-void become(uid_t user) {
-  if (user == 0) return;
-  const gid_t groups[] = {20, 44, 46};
-  if (::setgroups(3, groups) != 0 || ::setgid(user) != 0 || ::setuid(user) != 0) ::_exit(126);
 }
 
 /// A child whose outputs come here; `act` does not return.
@@ -129,6 +123,14 @@ class Bop : public Amplifier {
 
 }  // namespace
 
+// Groups before the user: afterwards they could not be changed.
+void become(uid_t user) {
+  if (user == 0) return;
+  const gid_t groups[] = {20, 44, 46};
+  if (::setgroups(3, groups) != 0 || ::setgid(user) != 0 || ::setuid(user) != 0) ::_exit(126);
+  ::setenv("HOME", "/home/operator", 1);
+}
+
 void send_line(const std::string& kind, const std::string& text) {
   if (port() >= 0) write_all(port(), kind + "\t" + text + "\n");
 }
@@ -147,7 +149,7 @@ std::optional<Milliseconds> time_until(Steady::duration patience, const std::fun
   const auto began = Steady::now();
   do {
     if (so()) return Steady::now() - began;
-    std::this_thread::sleep_for(2ms);
+    std::this_thread::sleep_for(4ms);
   } while (Steady::now() - began < patience);
   return std::nullopt;
 }
@@ -180,6 +182,16 @@ void load_gadgets() {
   load({"dummy_hcd num=2", "libcomposite"});
   if (!fs::exists("/sys/kernel/config/usb_gadget"))
     run({"busybox", "mount", "-t", "configfs", "none", "/sys/kernel/config"});
+}
+
+void start_udevd() {
+  fs::create_symlink("/bin/udevadm", "/tmp/bin/systemd-udevd");
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"/tmp/bin/systemd-udevd", "--daemon"},
+        {"udevadm", "trigger", "--action=add"},
+        {"udevadm", "settle", "--timeout=30"}})
+    if (const Ended ended = run(words); ended.code != 0)
+      throw std::runtime_error(words[0] + ": " + ended.said);
 }
 
 Ended run(const std::vector<std::string>& words, uid_t user) {
@@ -281,16 +293,29 @@ double Voltages::output() {
   return most;
 }
 
-std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role) {
-  return std::make_unique<Voltages>(
-      std::make_unique<Gadget>(std::vector<std::string>{"hid", "usb3103", "--numbered"}), role);
+void wait_for_node(const fs::path& node) {
+  if (!time_until(5s, [&] { return fs::exists(node); }))
+    throw std::runtime_error(node.string() + " has not come within 5 s");
+  run({"chmod", "0666", node});
 }
 
-std::unique_ptr<Amplifier> bop_gadget() { return std::make_unique<Bop>(); }
+std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role) {
+  auto device =
+      std::make_unique<Gadget>(std::vector<std::string>{"hid", "usb3103", "--numbered"});
+  wait_for_node("/dev/hidraw0");
+  return std::make_unique<Voltages>(std::move(device), role);
+}
+
+std::unique_ptr<Amplifier> bop_gadget() {
+  auto device = std::make_unique<Bop>();
+  wait_for_node("/dev/ttyACM0");
+  return device;
+}
 
 Host::Host(Amplifier& amplifier, const std::function<void()>& prepare) : amplifier_(amplifier) {
   std::string name = "/tmp/host_XXXXXX";
   folder_ = ::mkdtemp(name.data());
+  ::chmod(folder_.c_str(), 0777);  // the program may run as the operator
   std::ofstream(folder_ / "held.lua") << kHeld;
   std::ofstream(folder_ / "rig.lua") << "return { title = 'amplifier', " << amplifier.rig() << " }";
   std::fflush(stdout);

@@ -23,6 +23,9 @@ using namespace std::chrono_literals;
 constexpr const char* kProgram = "/opt/vitreo/vitreo";
 constexpr uid_t kOperator = 1000;  // of the groups dialout, video and plugdev, as guest_start has it
 
+/// An operator's rights and home, for this process from now on; root's are kept.
+void become(uid_t user);
+
 /// One line to outside: a kind (run.py), a tab, a text. Without a port, on standard output alone.
 void send_line(const std::string& kind, const std::string& text);
 /// A measured line of the present case; printf's format.
@@ -37,6 +40,8 @@ void write_text(const std::filesystem::path& file, const std::string& text);
 void load(const std::vector<std::string>& modules);
 /// Two controllers for gadgets, and the folder in which these are made.
 void load_gadgets();
+/// Debian's udev, with the project's rules; what is there already is put through them.
+void start_udevd();
 /// Runs a program to its end: its exit code, and what it printed on both outputs.
 struct Ended {
   int code = -1;
@@ -112,6 +117,8 @@ class Voltages : public Amplifier {
   std::unique_ptr<Instrument> device_;
   std::string role_;
 };
+/// Waits for it, and opens it to every user; throws std::runtime_error.
+void wait_for_node(const std::filesystem::path& node);
 /// Plugged into this machine's own controller.
 std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role = "coils");
 /// A BOP behind /dev/ttyACM0.

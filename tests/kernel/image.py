@@ -42,24 +42,25 @@ class Packages:
         folder.mkdir(parents=True, exist_ok=True)
 
     def fetch(self, names):
-        """The files of these packages, of the version in apt's lists."""
+        """The files of these packages, of the versions in apt's lists."""
         try:
-            return [self._fetch(name) for name in names]
+            return self._fetch(names)
         except RuntimeError:  # old lists name what the archive has no more
             run(*os.environ.get("SUDO", "").split(), "apt-get", "update", "-q")
-            return [self._fetch(name) for name in names]
+            return self._fetch(names)
 
-    def _fetch(self, name):
-        told = run("apt-get", "download", "--print-uris", name, cwd=self.folder)
-        found = re.search(r"^'\S+' (\S+) (\d+) SHA256:([0-9a-f]{64})", told, re.MULTILINE)
-        if not found:
-            raise RuntimeError(f"apt tells no file with a SHA-256 for the package {name}: {told}")
-        file, digest = self.folder / found[1], found[3]
-        if not file.exists() or sha256(file) != digest:
-            run("apt-get", "download", "-q", "-o", "APT::Sandbox::User=root", name, cwd=self.folder)
-        if sha256(file) != digest:
-            raise RuntimeError(f"{file.name} is not the package that apt's lists name")
-        return file
+    def _fetch(self, names):
+        told = run("apt-get", "download", "--print-uris", *names, cwd="/")  # it says nothing of a file that is there
+        found = re.findall(r"^'\S+' (\S+) (\d+) SHA256:([0-9a-f]{64})", told, re.MULTILINE)
+        if len(found) != len(names):
+            raise RuntimeError(f"apt tells no file with a SHA-256 for each of {', '.join(names)}: {told}")
+        files = {name: (self.folder / name, digest) for name, _, digest in found}
+        if any(not file.exists() or sha256(file) != digest for file, digest in files.values()):
+            run("apt-get", "download", "-q", "-o", "APT::Sandbox::User=root", *names, cwd=self.folder)
+        for file, digest in files.values():
+            if sha256(file) != digest:
+                raise RuntimeError(f"{file.name} is not the package that apt's lists name")
+        return [next(file for file, _ in files.values() if file.name.startswith(name + "_")) for name in names]
 
 
 def sha256(path):

@@ -27,8 +27,8 @@ START_INTERRUPT, STOP_INTERRUPT, INTERRUPT_STATUS, CANCEL = 15, 16, 17, 21
 CONTROL, INTERRUPT = 100, 103
 OK, CANCELLED, IO_ERROR, STALLED, TIMED_OUT = 0, 1, 3, 4, 5
 FULL_SPEED, NO_TYPE, TYPE_CONTROL, TYPE_INTERRUPT = 1, 255, 0, 3
-# usb_redir_cap_connect_device_version, usb_redir_cap_ep_info_max_packet_size; ids have 32 bits without a capability
-CAPABILITIES = 1 << 1 | 1 << 4
+# usb_redir_cap_connect_device_version, ep_info_max_packet_size, 64bits_ids, 32bits_bulk_length: what QEMU's xhci wants.
+CAPABILITIES = 1 << 1 | 1 << 4 | 1 << 5 | 1 << 6
 OUT_ENDPOINT, IN_ENDPOINT = 0x01, 0x81
 
 
@@ -96,7 +96,7 @@ class Redirected:
                 self.wake_reader.recv(4096)
             if self.listener in ready:
                 self.machine, _ = self.listener.accept()
-                self.buffer, self.plugged = b"", False
+                self.buffer, self.plugged, self.configured = b"", False, None
                 self._say(HELLO, 0, struct.pack("<64sI", b"vitreo double", CAPABILITIES))
             elif self.machine in ready:
                 self._take()
@@ -112,18 +112,23 @@ class Redirected:
             self.machine = None
             return
         self.buffer += data
-        while len(self.buffer) >= 12:
-            kind, length, number = struct.unpack_from("<III", self.buffer)
-            if len(self.buffer) < 12 + length:
+        while (size := len(self._head(0, 0, 0))) <= len(self.buffer):
+            kind, length = struct.unpack_from("<II", self.buffer)
+            if len(self.buffer) < size + length:
                 return
-            body, self.buffer = self.buffer[12:12 + length], self.buffer[12 + length:]
+            number = int.from_bytes(self.buffer[8:size], "little")
+            body, self.buffer = self.buffer[size:size + length], self.buffer[size + length:]
             with self.lock:
                 self._packet(kind, number, body)
+
+    def _head(self, kind, length, number):
+        """Ids have 64 bits once both ends have said hello, which is the first packet either way."""
+        return struct.pack("<III" if self.configured is None else "<IIQ", kind, length, number)
 
     def _say(self, kind, number, body):
         if self.machine is not None:
             try:
-                self.machine.sendall(struct.pack("<III", kind, len(body), number) + body)
+                self.machine.sendall(self._head(kind, len(body), number) + body)
             except OSError:
                 self.machine = None
 
