@@ -116,6 +116,7 @@ class Bop : public Amplifier {
   }
   double output() override { return std::abs(gadget_.state("current").get<double>()); }
   Instrument& instrument() override { return gadget_; }
+  std::string node() const override { return "/dev/ttyACM0"; }
 
  private:
   Gadget gadget_{{"acm", "kepco_bop"}};
@@ -308,7 +309,7 @@ std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role) {
 
 std::unique_ptr<Amplifier> bop_gadget() {
   auto device = std::make_unique<Bop>();
-  wait_for_node("/dev/ttyACM0");
+  wait_for_node(device->node());
   return device;
 }
 

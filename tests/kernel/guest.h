@@ -101,6 +101,7 @@ struct Amplifier {
   virtual std::string rig() const = 0;
   virtual double output() = 0;  ///< V or A: the largest magnitude of a channel
   virtual Instrument& instrument() = 0;
+  virtual std::string node() const { return "/dev/hidraw0"; }
   bool energized() { return output() > 0.4; }
   bool at_zero() { return output() < 2e-3; }
 };

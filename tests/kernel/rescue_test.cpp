@@ -24,7 +24,10 @@ const fs::path kGroups = "/sys/fs/cgroup";
 class Rescue : public ::testing::Test {
  protected:
   static void TearDownTestSuite() { amplifier.reset(); }
-  void SetUp() override { amplifier->instrument().order({{"power_cycle", true}}); }
+  void SetUp() override {
+    wait_for_node(amplifier->node());  // a new one after a pulled cable
+    amplifier->instrument().order({{"power_cycle", true}});
+  }
   void energize(const std::function<void()>& prepare = {}) {
     host = std::make_unique<Host>(*amplifier, prepare);
     host->energize();
@@ -115,11 +118,14 @@ void Rescue::out_of_memory() {
   energize([&] { write_text(group / "cgroup.procs", "0"); });
   const pid_t guardian = host->guardian();
   write_text(group / "memory.max", "2M");
-  row("out of memory: at zero after %.0f ms", zero_within(10s));
+  const auto began = Steady::now();
+  const double zero = zero_within(10s);
   const std::string events = text_of(group / "memory.events");
   EXPECT_EQ(events.find("oom_kill 0\n"), std::string::npos) << events;
   EXPECT_TRUE(time_until(5s, [&] { return !host->lives(); }));
+  const double dead = Milliseconds(Steady::now() - began).count();
   EXPECT_TRUE(said_within(2s, "is at zero")) << host->said();
+  row("out of memory: at zero after %.0f ms; the host has ended after %.0f ms", zero, dead);
   ::kill(guardian, SIGKILL);
   host.reset();
   time_until(2s, [&] { return ::rmdir(group.c_str()) == 0; });
@@ -250,6 +256,7 @@ std::string inhibitors() {
 
 // systemd-inhibit is the guest's own, which notes what it was asked for (tests/kernel/).
 TEST_F(RescueUsb3103Guest, SleepIsInhibitedAsLongAsTheHostLives) {
+  run({"sh", "-c", "rm -f /run/inhibitor.*"});
   energize();
   const std::string asked = inhibitors();
   EXPECT_NE(asked.find("--what=sleep"), std::string::npos) << asked;

@@ -121,8 +121,8 @@ TEST_F(SerialGuest, ASecondOpenerIsRefusedBeforeItTouchesTheLine) {
 TEST_F(SerialGuest, APulledCableIsANamedErrorAndOpensAnewAtZero) {
   auto coils = supply();
   coils->set_currents(std::vector{1.0});
-  device->unplug();
   const auto began = Steady::now();
+  device->unplug();
   std::string said;
   while (said.empty() && Steady::now() - began < 5s) try {
       coils->measured_currents();
@@ -131,7 +131,7 @@ TEST_F(SerialGuest, APulledCableIsANamedErrorAndOpensAnewAtZero) {
       EXPECT_EQ(error.kind, DeviceErrorKind::lost) << said;
     }
   const double took = Milliseconds(Steady::now() - began).count();
-  row("cable out: \"%s\" after %.0f ms", said.c_str(), took);
+  row("cable out: \"%s\" after %.1f ms", said.c_str(), took);
   EXPECT_LT(took, 100);
   EXPECT_NE(said.find(kNode), std::string::npos) << said;
   EXPECT_NEAR(device->state("current").get<double>(), 1, 2e-3);  // it has no watchdog
