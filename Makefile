@@ -4,7 +4,7 @@ PREFIX ?= /usr/local
 BUILD  := build/$(PRESET)
 SUDO   := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: help setup build run test test-long bench asan tsan fuzz format format-check tidy install deb fresh check-scripts \
+.PHONY: help setup build run test test-kernel test-long bench asan tsan fuzz format format-check tidy install deb fresh check-scripts \
         format-scripts reference clean
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -24,6 +24,11 @@ run: setup $(BUILD)/CMakeCache.txt ## drive the simulated microrobot round the s
 
 test: build      ## build and run every test
 	ctest --preset $(PRESET)
+
+test-kernel: setup $(BUILD)/CMakeCache.txt ## the programs on Debian's kernel in QEMU: real nodes, unplug, kills, sleep, panic (docs/real_kernel.md)
+	@SUDO="$(SUDO)" sh cmake/install_packages.sh tests/kernel/packages.txt
+	cmake --build --preset $(PRESET) --target kernel_guest_tests
+	SUDO="$(SUDO)" python3 -B tests/kernel/run.py --build $(BUILD) --folder build/kernel
 
 test-long: build ## the long forms: 200 kills, thousands of broken files; prints distributions
 	ctest --test-dir $(BUILD) -C long -L long --verbose

@@ -9,19 +9,24 @@
 
 namespace vitreo {
 
-bool has_sysfs_entry(const std::string& path) {
-  // /dev/serial/by-id/... are links. Followed step by step, for umockdev's realpath() writes past
-  // its end where a link of its testbed leads out of it.
+// Followed step by step, for umockdev's realpath() writes past its end where a link of its testbed
+// leads out of it.
+std::string node_behind(const std::string& path) {
   constexpr int kMostLinks = 8;
   std::filesystem::path real = path;
   std::error_code none;
   for (int i = 0; i < kMostLinks && std::filesystem::is_symlink(real, none); ++i) {
     const auto target = std::filesystem::read_symlink(real, none);
-    if (none) return false;
-    real = target.is_absolute() ? target : real.parent_path() / target;
+    if (none) break;
+    real = target.is_absolute() ? target : (real.parent_path() / target).lexically_normal();
   }
-  return std::filesystem::exists(
-      std::filesystem::path("/sys/class/tty") / real.filename() / "device", none);
+  return real.string();
+}
+
+bool has_sysfs_entry(const std::string& path) {
+  std::error_code none;
+  const std::filesystem::path name = std::filesystem::path(node_behind(path)).filename();
+  return std::filesystem::exists(std::filesystem::path("/sys/class/tty") / name / "device", none);
 }
 
 // A lack of rights is the user's to mend, and another owner's port is there.

@@ -35,6 +35,10 @@ std::unique_ptr<ByteLink> open_serial(const std::string& path, const SerialSetti
 /// False where another program has it.
 bool take_for_us(int handle);
 
+/// The node that a name leads to: /dev/serial/by-id/... are links, which libserialport does not
+/// follow.
+std::string node_behind(const std::string& path);
+
 /// Whether the kernel lists a device behind the terminal: libserialport takes no other.
 bool has_sysfs_entry(const std::string& path);
 

@@ -6,6 +6,7 @@
 #include "devices/links/serial_link.h"
 #include "devices/time/error.h"
 
+#include <cerrno>
 #include <libserialport.h>
 #include <sys/file.h>
 #include <utility>
@@ -16,12 +17,15 @@ namespace {
 class Port final : public OpenFile {
  public:
   explicit Port(std::string path) : path_(std::move(path)) {
-    check(sp_get_port_by_name(path_.c_str(), &port_), DeviceErrorKind::not_found, "no such port");
+    check(sp_get_port_by_name(node_behind(path_).c_str(), &port_), DeviceErrorKind::not_found,
+          "no such port");
     if (sp_open(port_, SP_MODE_READ_WRITE) != SP_OK) {
-      const DeviceErrorKind kind = kind_of_refusal(sp_last_error_code());
+      const int code = sp_last_error_code();
+      const DeviceErrorKind kind = kind_of_refusal(code);
       // The destructor does not run for a constructor that throws.
       const std::string what = why("does not open");
       sp_free_port(std::exchange(port_, nullptr));
+      if (code == EBUSY) throw OwnedError("serial:" + path_);  // TIOCEXCL, for all but root
       throw DeviceError(kind, "serial:" + path_, what);
     }
   }

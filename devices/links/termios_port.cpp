@@ -52,6 +52,7 @@ std::unique_ptr<OpenFile> open_with_termios(const std::string& path,
   // O_NOCTTY: the port must not become this session's controlling terminal. O_NONBLOCK: opening
   // must not wait for a carrier.
   const int handle = ::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+  if (handle < 0 && errno == EBUSY) throw OwnedError("serial:" + path);  // TIOCEXCL
   if (handle < 0) fail(kind_of_refusal(errno), path, system_error());
   auto file = own_descriptor(handle);
   // Advisory, as in serial_port.cpp: the kernel itself lets any number of programs open a terminal.

@@ -71,8 +71,21 @@ class OpencvCamera final : public Camera {
     period_ = from_seconds(1 / rate);
   }
 
+  /// OpenCV keeps a width to itself until a height is set too, and then makes both.
+  void set_size() {
+    if (settings_.width_px == 0 && settings_.height_px == 0) return;
+    const auto wanted = [this](int value, int property) {
+      return value != 0 ? value : capture_.get(property);
+    };
+    const double width = wanted(settings_.width_px, cv::CAP_PROP_FRAME_WIDTH);
+    const double height = wanted(settings_.height_px, cv::CAP_PROP_FRAME_HEIGHT);
+    capture_.set(cv::CAP_PROP_FRAME_WIDTH, width);
+    capture_.set(cv::CAP_PROP_FRAME_HEIGHT, height);
+  }
+
   /// V4L2 takes the nearest setting in silence: each is read back.
   void configure() {
+    set_size();
     // A setting of 0 is left to the camera. A twentieth off is accepted: 30 Hz may be 29.97.
     const auto want = [this](int property, double value, const char* setting) {
       if (value == 0) return;
