@@ -7,6 +7,7 @@
 #include "host/record/record_json.h"
 #include "host/trials/reproduction.h"
 #include "host/trials/reproduction_joined.h"
+#include "host/trials/reproduction_laboratory.h"
 
 #include <fmt/format.h>
 
@@ -28,6 +29,7 @@ struct ReproductionWords {
   int processes = 0;  // 0: one a core
   bool json = false;
   bool brief = false;
+  bool laboratory = false;
 };
 
 /// The runs of the plan that were asked for; the short form leaves some out.
@@ -60,6 +62,25 @@ void report(const ReproducedRun& run) {
              run.reason);
 }
 
+constexpr const char* kLaboratoryFile = "reproduction_laboratory.json";
+
+/// Behind real links, one after the other, for they keep real time. The numbers are the page's
+/// column from then on.
+int measure_laboratory(ReproduceRequest request, const fs::path& docs) {
+  request.runs = laboratory_runs(request.runs);
+  if (request.runs.empty())
+    throw ConfigError("reproduce: none of these can run on the emulated laboratory");
+  request.laboratory = true;
+  request.processes = 1;
+  const std::vector<ReproducedRun> runs = reproduce(request, report);
+  keep_laboratory(runs, docs / kLaboratoryFile);
+  fmt::print("written: {}\n", (docs / kLaboratoryFile).string());
+  return std::all_of(runs.begin(), runs.end(),
+                     [](const ReproducedRun& run) { return run.outcome == "completed"; })
+             ? 0
+             : 1;
+}
+
 // Each run is a process of its own (`vitreo run --json`), the same program as this one: the state
 // of one run cannot leak into the next, and the cores are used. The page in docs/ is written over
 // only by the whole plan with its own settings.
@@ -75,13 +96,15 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   request.brief = wanted.brief;
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   request.processes = wanted.processes > 0 ? wanted.processes : cores;
+  const fs::path docs =
+      wanted.docs.empty() ? fs::path(Program::in_data_folder("docs")) : fs::path(wanted.docs);
+  if (wanted.laboratory) return measure_laboratory(std::move(request), docs);
   std::vector<ReproducedRun> runs = reproduce(request, report);
+  join_laboratory(runs, docs / kLaboratoryFile);
   // Rows about several runs are missing by nature where only a part was run, so they count as
   // missed only for the whole plan.
   ReproducedRun together = join_rows(joined, runs, wanted.only.empty() && !wanted.brief);
   if (!together.rows.empty()) runs.push_back(std::move(together));
-  const fs::path docs =
-      wanted.docs.empty() ? fs::path(Program::in_data_folder("docs")) : fs::path(wanted.docs);
   fs::create_directories(docs);
   fs::create_directories(request.out);
   // A part of the plan, or its short form, is no reason to write over the page about the whole.
@@ -121,6 +144,8 @@ void add_reproduce(CommandLine& line, Program& program) {
   command.flag("--json", wanted->json,
                "a row for each number: id, thesis, ours, unit, tolerance, verdict, why");
   command.flag("--brief", wanted->brief, "the short form of each run, to see that all of it works");
+  command.flag("--laboratory", wanted->laboratory,
+               "those that can on the emulated laboratory, in real time, for the page's column");
   command.option("--processes", wanted->processes, "runs at a time (default: one a core)")
       .between(1, 1000);
   command.option("--out", wanted->out, "folder for the runs' folders and the page (default: runs)");

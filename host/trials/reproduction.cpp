@@ -27,19 +27,28 @@ constexpr int kQuantityDigits = 4;
 // instead.
 std::vector<std::string> command_of(const ReproduceRequest& request, const PlannedRun& run) {
   const fs::path root = request.root;
-  std::vector<std::string> words{request.program,
-                                 "run",
-                                 (root / "protocols" / (run.protocol + ".lua")).string(),
-                                 "--json",
-                                 "--rig",
-                                 (root / "scripts" / "rigs" / (run.rig + ".lua")).string(),
-                                 "--seed",
-                                 std::to_string(run.seed),
-                                 "--out",
-                                 request.out.string()};
-  for (std::string& word : words_of(request.brief ? run.brief : run.arguments))
-    words.push_back(std::move(word));
+  const std::string seed = std::to_string(run.seed);
+  const std::string& name = request.laboratory ? run.laboratory : run.rig;
+  const std::string rig = (root / "scripts" / "rigs" / (name + ".lua")).string();
+  std::vector<std::string> words;
+  if (request.laboratory) words = {request.program, "emulate", rig, "--seed", seed, "--"};
+  for (const std::string& word : std::initializer_list<std::string>{
+           request.program, "run", (root / "protocols" / (run.protocol + ".lua")).string(),
+           "--json", "--rig", rig, "--seed", seed, "--out", request.out.string()})
+    words.push_back(word);
+  const std::string& arguments = request.laboratory ? run.laboratory_arguments
+                                 : request.brief    ? run.brief
+                                                    : run.arguments;
+  for (std::string& word : words_of(arguments)) words.push_back(std::move(word));
   return words;
+}
+
+/// The reply of `run --json`, the last line: before it the instruments' addresses may stand.
+nlohmann::json reply_in(std::string said) {
+  while (!said.empty() && said.back() == '\n') said.pop_back();
+  const std::size_t line = said.rfind('\n');
+  return nlohmann::json::parse(line == std::string::npos ? said : said.substr(line + 1), nullptr,
+                               false);
 }
 
 // "" where the key is missing or null.
@@ -94,7 +103,7 @@ ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
   char part[4096];
   for (std::size_t got = 0; (got = child.read(part, sizeof part)) > 0;) said.append(part, got);
   const int code = child.finish();
-  const auto reply = nlohmann::json::parse(said, nullptr, false);
+  const nlohmann::json reply = reply_in(std::move(said));
   if (reply.is_discarded() || !reply.is_object()) {
     done.outcome = "failed";
     done.reason = fmt::format("the program ended with {} and said nothing", code);
@@ -173,23 +182,25 @@ std::string title_of(const ReproducedRun& run) {
 struct Compared {
   std::string thesis;
   std::string ours;
+  std::string laboratory;
   std::string tolerance;
 };
 
 /// Those of a run's rows: all of one dimension in one unit.
 /// The cells of a whole run are converted at once, so that 0.9 mm and 137 µm of one table can be
-/// compared by eye; three cells a row, in that order.
+/// compared by eye; four cells a row, in that order.
 std::vector<Compared> compared(const std::vector<ReproducedRow>& rows) {
   std::vector<std::string> cells;
   for (const ReproducedRow& row : rows) {
     cells.push_back(row.thesis ? quantity_text(*row.thesis, row.unit) : "\u2013");
     cells.push_back(quantity_text(row.ours, row.unit));
+    cells.push_back(row.laboratory ? quantity_text(*row.laboratory, row.unit) : "\u2013");
     cells.push_back(row.tolerance);
   }
   cells = cells_in_one_unit(std::move(cells));
   std::vector<Compared> shown;
-  for (std::size_t i = 0; i + 2 < cells.size(); i += 3)
-    shown.push_back({cells[i], cells[i + 1], cells[i + 2]});
+  for (std::size_t i = 0; i + 3 < cells.size(); i += 4)
+    shown.push_back({cells[i], cells[i + 1], cells[i + 2], cells[i + 3]});
   return shown;
 }
 
@@ -224,6 +235,8 @@ std::vector<PlannedRun> read_plan(const RigDescription& file) {
     run.rig = one.text("rig", "simulated");
     run.arguments = one.text("arguments", "");
     run.brief = one.text("brief", "-");
+    run.laboratory = one.text("laboratory", "");
+    run.laboratory_arguments = one.text("laboratory_arguments", "");
     run.seed = static_cast<std::uint64_t>(one.integer("seed", 1, 0, 1000000000));
     one.finish();
     runs.push_back(std::move(run));
@@ -281,7 +294,9 @@ std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
       "protocol can measure on the simulated laboratory, ours beside it, with the tolerance, the "
       "verdict, and why "
       "where "
-      "we differ. Seeds and all settings are in the runs' records; `scripts/reproduction.lua` is "
+      "we differ; of some the same protocol on the emulated laboratory, behind real links "
+      "(`vitreo reproduce --laboratory`, shorter where the plan says so). Seeds and all settings "
+      "are in the runs' records; `scripts/reproduction.lua` is "
       "the plan.\n\n" +
       summary(runs) + "\n";
   for (const ReproducedRun& run : runs) {
@@ -290,14 +305,14 @@ std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
       text += fmt::format("{}: {}\n\n", run.outcome, escaped(run.reason, false));
     if (run.rows.empty()) continue;
     text +=
-        "| where | what | thesis | ours | tolerance | verdict | why "
-        "|\n|---|---|---|---|---|---|---|\n";
+        "| where | what | thesis | ours | emulated laboratory | tolerance | verdict | why "
+        "|\n|---|---|---|---|---|---|---|---|\n";
     const std::vector<Compared> cells = compared(run.rows);
     for (std::size_t i = 0; i < run.rows.size(); ++i) {
       const ReproducedRow& row = run.rows[i];
-      text += fmt::format("| {} | {} | {} | {} | {} | {} | {} |\n", cell_text(row.where, false),
-                          cell_text(row.what, false), cells[i].thesis, cells[i].ours,
-                          cell_text(cells[i].tolerance, false),
+      text += fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} |\n",
+                          cell_text(row.where, false), cell_text(row.what, false), cells[i].thesis,
+                          cells[i].ours, cells[i].laboratory, cell_text(cells[i].tolerance, false),
                           is_missed(row.verdict) ? "**" + row.verdict + "**" : row.verdict,
                           cell_text(row.why, false));
     }
@@ -329,17 +344,20 @@ std::string reproduction_page(const std::vector<ReproducedRun>& runs, const fs::
           escaped(fs::relative(fs::path(run.folder) / "report.html", beside).string(), true),
           run.wall_time);
     if (run.rows.empty()) continue;
-    text += "<table><tr><th>where<th>what<th>thesis<th>ours<th>tolerance<th>verdict<th>why</tr>\n";
+    text +=
+        "<table><tr><th>where<th>what<th>thesis<th>ours<th>emulated "
+        "laboratory<th>tolerance<th>verdict<th>why</tr>\n";
     const std::vector<Compared> cells = compared(run.rows);
     for (std::size_t i = 0; i < run.rows.size(); ++i) {
       const ReproducedRow& row = run.rows[i];
-      text += fmt::format("<tr class=\"{}\"><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>\n",
-                          is_missed(row.verdict)     ? "missed"
-                          : row.verdict == "printed" ? ""
-                                                     : "well",
-                          cell_text(row.where, true), cell_text(row.what, true), cells[i].thesis,
-                          cells[i].ours, cell_text(cells[i].tolerance, true), row.verdict,
-                          cell_text(row.why, true));
+      text +=
+          fmt::format("<tr class=\"{}\"><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>\n",
+                      is_missed(row.verdict)     ? "missed"
+                      : row.verdict == "printed" ? ""
+                                                 : "well",
+                      cell_text(row.where, true), cell_text(row.what, true), cells[i].thesis,
+                      cells[i].ours, cells[i].laboratory, cell_text(cells[i].tolerance, true),
+                      row.verdict, cell_text(row.why, true));
     }
     text += "</table>\n";
   }

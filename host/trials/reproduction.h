@@ -19,11 +19,13 @@ namespace vitreo {
 
 /// One run of the plan.
 struct PlannedRun {
-  std::string key;        // runs are started and shown in the order of their keys
-  std::string protocol;   // a name in protocols/
-  std::string rig;        // a name in scripts/rigs/
-  std::string arguments;  // as on the command line, blanks between
-  std::string brief;      // the same for the short form; "-": left out there
+  std::string key;                   // runs are started and shown in the order of their keys
+  std::string protocol;              // a name in protocols/
+  std::string rig;                   // a name in scripts/rigs/
+  std::string arguments;             // as on the command line, blanks between
+  std::string brief;                 // the same for the short form; "-": left out there
+  std::string laboratory;            // a rig of real drivers for the emulated laboratory; or ""
+  std::string laboratory_arguments;  // there
   std::uint64_t seed = 1;
 };
 
@@ -44,6 +46,7 @@ struct ReproducedRow {
   std::string run;
   std::optional<double> thesis;
   double ours = 0;
+  std::optional<double> laboratory{};  // the same, run behind real links
   std::vector<double> values{};  // of which `ours` is the median, where the protocol states them
 };
 
@@ -64,6 +67,7 @@ struct ReproduceRequest {
   std::filesystem::path out;  // the folder for the runs' folders
   int processes = 1;          // at a time
   bool brief = false;         // the short form of each
+  bool laboratory = false;    // each on its `laboratory`, behind real links, in real time
 };
 
 /// Runs them all; `report` is called as each ends. A run that failed has its reason and no rows.
