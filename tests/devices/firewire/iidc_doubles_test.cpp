@@ -12,6 +12,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <ostream>
 #include <string>
 #include <thread>
@@ -310,12 +311,21 @@ TEST(IidcCable, PulledIsALostCameraThatOpensAgain) {
   EXPECT_EQ(one.open()->grab(2s).image.cols, 640);
 }
 
+std::ptrdiff_t descriptors() {
+  return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+}
+
 TEST(IidcCable, PulledForLongIsAnotherNode) {
   OneCamera one;
   auto camera = one.open();
+  camera.reset();
+  const std::ptrdiff_t open_before = descriptors();
+  camera = one.open();
   one.instrument.order(R"({"unplug": true})");
   std::this_thread::sleep_for(2500ms);
   EXPECT_EQ(end_of(*camera, *one.clock).first, DeviceErrorKind::lost);
+  camera.reset();
+  EXPECT_EQ(descriptors(), open_before - 1);  // less the bus' own to the double
   try {
     one.open();
     ADD_FAILURE() << "it was opened";
