@@ -264,18 +264,16 @@ TEST(IidcFrame, ThatLacksAPacketIsFollowedByAGap) {
   const auto camera = one.open();
   camera->grab(2s);
   one.bus.lose_packet(kGuid, 50);
-  camera->grab(2s);  // may have been whole already
+  for (int i = 0; i < 5; ++i) camera->grab(2s);  // some were whole already, and on their way
   const Frame first = camera->grab(2s);
   const Frame second = camera->grab(2s);
   EXPECT_GE(second.number, first.number + 2);
   EXPECT_EQ(camera->statistics().torn, 0u);
+  EXPECT_GT(camera->statistics().lost, 0u);
   one.bus.lose_packet(kGuid, -1);
-  camera->grab(2s);
+  for (int i = 0; i < 5; ++i) camera->grab(2s);
   const Frame before = camera->grab(2s);
-  const std::uint64_t lost = camera->statistics().lost;
   EXPECT_EQ(camera->grab(2s).number, before.number + 1);
-  EXPECT_EQ(camera->statistics().lost, lost);
-  EXPECT_GT(lost, 0u);
 }
 
 /// The kind of error of grabbing until there is one, and after how long.
