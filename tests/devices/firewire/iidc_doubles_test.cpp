@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -230,30 +231,39 @@ TEST(IidcFrame, CarriesTheTimesOfItsExposureAndOfItsLastPacket) {
   const std::string history = one.instrument.order(R"({"history": true})");
   const std::size_t line = history.rfind("\"transmitting\", true");
   const double begun = std::strtod(history.c_str() + history.rfind('[', line) + 1, nullptr);
-  const double here = to_seconds(one.clock->now());
-  const double offset = here - number_in(one.instrument.order(R"({"now": true})"), "now");
-  for (int i = 0; i < 4; ++i) {
+  // A busy machine makes answers and packets late, never early: the best of ten counts.
+  double offset = -1e9;
+  for (int i = 0; i < 10; ++i) {
+    const double here = to_seconds(one.clock->now());
+    offset = std::max(offset, here - number_in(one.instrument.order(R"({"now": true})"), "now"));
+  }
+  double exposed = 1e9;
+  double received = 1e9;
+  for (int i = 0; i < 10; ++i) {
     const Frame frame = camera->grab(2s);
     const double start = begun + static_cast<double>(frame.number) * 0.1 + offset;
-    EXPECT_NEAR(to_seconds(frame.exposed), start + 0.02, 0.015) << frame.number;
-    EXPECT_NEAR(to_seconds(frame.received), start + 0.14, 0.015) << frame.number;
+    exposed = std::min(exposed, to_seconds(frame.exposed) - start);
+    received = std::min(received, to_seconds(frame.received) - start);
   }
+  EXPECT_NEAR(exposed, 0.02, 0.015);
+  EXPECT_NEAR(received, 0.14, 0.015);
 }
 
 // The ring has eight frames: full, it keeps the first ones.
 TEST(IidcFrame, OfALateCallerIsANewOneAndItsNumberCountsTheOthers) {
   OneCamera one;
+  one.settings.frame_rate = 10;
   const auto camera = one.open();
   const Frame first = camera->grab(2s);
   std::this_thread::sleep_for(1500ms);
   const Time asked = one.clock->now();
   const Frame late = camera->grab(2s);
-  EXPECT_GT(to_seconds(late.exposed - asked), -0.2);
+  EXPECT_GT(to_seconds(late.exposed - asked), -0.4);
   const double period = camera->info().frame_period;
   EXPECT_NEAR(static_cast<double>(late.number - first.number),
               to_seconds(late.exposed - first.exposed) / period, 0.5);
   const CameraStatistics counts = camera->statistics();
-  EXPECT_GT(counts.lost, 20u);
+  EXPECT_GT(counts.lost, 3u);
   EXPECT_EQ(counts.delivered + counts.lost, late.number + 1);
 }
 
@@ -261,17 +271,18 @@ TEST(IidcFrame, OfALateCallerIsANewOneAndItsNumberCountsTheOthers) {
 // packet, and that next image is gone.
 TEST(IidcFrame, ThatLacksAPacketIsFollowedByAGap) {
   OneCamera one;
+  one.settings.frame_rate = 10;
   const auto camera = one.open();
   camera->grab(2s);
   one.bus.lose_packet(kGuid, 50);
-  for (int i = 0; i < 5; ++i) camera->grab(2s);  // some were whole already, and on their way
+  for (int i = 0; i < 3; ++i) camera->grab(2s);  // some were whole already, and on their way
   const Frame first = camera->grab(2s);
-  const Frame second = camera->grab(2s);
-  EXPECT_GE(second.number, first.number + 2);
+  for (int i = 0; i < 3; ++i) camera->grab(2s);
+  EXPECT_EQ(camera->grab(2s).number, first.number + 8);
   EXPECT_EQ(camera->statistics().torn, 0u);
-  EXPECT_GT(camera->statistics().lost, 0u);
+  EXPECT_GE(camera->statistics().lost, 4u);
   one.bus.lose_packet(kGuid, -1);
-  for (int i = 0; i < 5; ++i) camera->grab(2s);
+  for (int i = 0; i < 3; ++i) camera->grab(2s);
   const Frame before = camera->grab(2s);
   EXPECT_EQ(camera->grab(2s).number, before.number + 1);
 }
