@@ -21,6 +21,7 @@
 #include <dc1394/dc1394.h>
 #include <optional>
 #include <poll.h>
+#include <unistd.h>
 #endif
 
 namespace vitreo::iidc {
@@ -109,9 +110,11 @@ class IidcCamera final : public Camera {
   [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
     throw DeviceError(kind, settings_.name, what);
   }
+  // Of a node that is gone libdc1394 leaves the ring's descriptor open (and its memory).
   static void stop(dc1394camera_t* camera) {
     dc1394_video_set_transmission(camera, DC1394_OFF);
-    dc1394_capture_stop(camera);
+    const int ring = dc1394_capture_get_fileno(camera);
+    if (dc1394_capture_stop(camera) == DC1394_IOCTL_FAILURE) ::close(ring);
   }
 
   // The order is libdc1394's: bus speed, mode, region, features, then the ring, and transmission

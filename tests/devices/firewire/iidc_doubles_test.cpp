@@ -10,8 +10,10 @@
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <ostream>
 #include <string>
 #include <thread>
@@ -202,9 +204,12 @@ TEST(IidcRate, IsAtLeastWhatWasAskedFor) {
   const auto camera = one.open();
   EXPECT_EQ(one.reg(kPacket), 2312 * 65536.);  // 640 * 480 bytes in 133 packets, in steps of 4
   EXPECT_NEAR(camera->info().frame_period, 133 * 125e-6, 1e-9);
+  const auto now = [&] { return number_in(one.instrument.order(R"({"now": true})"), "now"); };
+  const double begin = now();
   const double before = one.instrument.number("exposures");
   std::this_thread::sleep_for(1s);
-  EXPECT_NEAR(one.instrument.number("exposures") - before, 60, 6);
+  const double count = one.instrument.number("exposures") - before;
+  EXPECT_GT(count / (now() - begin), 54);
 }
 
 TEST(IidcRate, BeyondTheBusIsRefusedWithWhatItCarries) {
@@ -229,30 +234,39 @@ TEST(IidcFrame, CarriesTheTimesOfItsExposureAndOfItsLastPacket) {
   const std::string history = one.instrument.order(R"({"history": true})");
   const std::size_t line = history.rfind("\"transmitting\", true");
   const double begun = std::strtod(history.c_str() + history.rfind('[', line) + 1, nullptr);
-  const double here = to_seconds(one.clock->now());
-  const double offset = here - number_in(one.instrument.order(R"({"now": true})"), "now");
-  for (int i = 0; i < 4; ++i) {
+  // A busy machine makes answers and packets late, never early: the best of ten counts.
+  double offset = -1e9;
+  for (int i = 0; i < 10; ++i) {
+    const double here = to_seconds(one.clock->now());
+    offset = std::max(offset, here - number_in(one.instrument.order(R"({"now": true})"), "now"));
+  }
+  double exposed = 1e9;
+  double received = 1e9;
+  for (int i = 0; i < 10; ++i) {
     const Frame frame = camera->grab(2s);
     const double start = begun + static_cast<double>(frame.number) * 0.1 + offset;
-    EXPECT_NEAR(to_seconds(frame.exposed), start + 0.02, 0.015) << frame.number;
-    EXPECT_NEAR(to_seconds(frame.received), start + 0.14, 0.015) << frame.number;
+    exposed = std::min(exposed, to_seconds(frame.exposed) - start);
+    received = std::min(received, to_seconds(frame.received) - start);
   }
+  EXPECT_NEAR(exposed, 0.02, 0.015);
+  EXPECT_NEAR(received, 0.14, 0.015);
 }
 
 // The ring has eight frames: full, it keeps the first ones.
 TEST(IidcFrame, OfALateCallerIsANewOneAndItsNumberCountsTheOthers) {
   OneCamera one;
+  one.settings.frame_rate = 10;
   const auto camera = one.open();
   const Frame first = camera->grab(2s);
   std::this_thread::sleep_for(1500ms);
   const Time asked = one.clock->now();
   const Frame late = camera->grab(2s);
-  EXPECT_GT(to_seconds(late.exposed - asked), -0.2);
+  EXPECT_GT(to_seconds(late.exposed - asked), -0.4);
   const double period = camera->info().frame_period;
   EXPECT_NEAR(static_cast<double>(late.number - first.number),
               to_seconds(late.exposed - first.exposed) / period, 0.5);
   const CameraStatistics counts = camera->statistics();
-  EXPECT_GT(counts.lost, 20u);
+  EXPECT_GT(counts.lost, 3u);
   EXPECT_EQ(counts.delivered + counts.lost, late.number + 1);
 }
 
@@ -260,21 +274,20 @@ TEST(IidcFrame, OfALateCallerIsANewOneAndItsNumberCountsTheOthers) {
 // packet, and that next image is gone.
 TEST(IidcFrame, ThatLacksAPacketIsFollowedByAGap) {
   OneCamera one;
+  one.settings.frame_rate = 10;
   const auto camera = one.open();
   camera->grab(2s);
   one.bus.lose_packet(kGuid, 50);
-  camera->grab(2s);  // may have been whole already
+  for (int i = 0; i < 3; ++i) camera->grab(2s);  // some were whole already, and on their way
   const Frame first = camera->grab(2s);
-  const Frame second = camera->grab(2s);
-  EXPECT_GE(second.number, first.number + 2);
+  for (int i = 0; i < 3; ++i) camera->grab(2s);
+  EXPECT_EQ(camera->grab(2s).number, first.number + 8);
   EXPECT_EQ(camera->statistics().torn, 0u);
+  EXPECT_GE(camera->statistics().lost, 4u);
   one.bus.lose_packet(kGuid, -1);
-  camera->grab(2s);
+  for (int i = 0; i < 3; ++i) camera->grab(2s);
   const Frame before = camera->grab(2s);
-  const std::uint64_t lost = camera->statistics().lost;
   EXPECT_EQ(camera->grab(2s).number, before.number + 1);
-  EXPECT_EQ(camera->statistics().lost, lost);
-  EXPECT_GT(lost, 0u);
 }
 
 /// The kind of error of grabbing until there is one, and after how long.
@@ -310,12 +323,21 @@ TEST(IidcCable, PulledIsALostCameraThatOpensAgain) {
   EXPECT_EQ(one.open()->grab(2s).image.cols, 640);
 }
 
+std::ptrdiff_t descriptors() {
+  return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+}
+
 TEST(IidcCable, PulledForLongIsAnotherNode) {
   OneCamera one;
   auto camera = one.open();
+  camera.reset();
+  const std::ptrdiff_t open_before = descriptors();
+  camera = one.open();
   one.instrument.order(R"({"unplug": true})");
   std::this_thread::sleep_for(2500ms);
   EXPECT_EQ(end_of(*camera, *one.clock).first, DeviceErrorKind::lost);
+  camera.reset();
+  EXPECT_EQ(descriptors(), open_before - 1);  // less the bus' own to the double
   try {
     one.open();
     ADD_FAILURE() << "it was opened";
