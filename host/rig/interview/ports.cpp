@@ -49,7 +49,9 @@ std::string drivers_text(const AskingPlan& plan) {
     for (const IdentifiedDriver& driver : step.drivers)
       if (std::find(names.begin(), names.end(), driver.name) == names.end())
         names.push_back(driver.name);
-  return fmt::format("{}", fmt::join(names, ", "));
+  const std::string last = names.back();
+  names.pop_back();
+  return fmt::format("{}{}{}", fmt::join(names, ", "), names.empty() ? "" : " or ", last);
 }
 
 /// Whose questions would be sent, how long that may take, and what it risks.
@@ -60,9 +62,9 @@ std::string risk_text(const AskingPlan& plan) {
   std::string risks;
   for (const std::string& caution : plan.cautions) risks += "  - " + caution + "\n";
   return wrapped(fmt::format(
-      "\n{}: whether one of {} is there is found by asking. It takes {} s at most, a few where "
-      "something answers. It moves and energizes none of these instruments, but\n{}  - of other "
-      "instruments nothing is known.\n",
+      "\n{} can be asked whether {} is there. It takes {} s at most, a few where something "
+      "answers. It moves and energizes none of these instruments, but\n{}  - of other instruments "
+      "nothing is known.\n",
       plan.address, drivers_text(plan), static_cast<int>(std::ceil(longest_time(plan))), risks));
 }
 
