@@ -113,8 +113,14 @@ class Held {
 /// The line of an amplifier that may be gone. A beat opens nothing: only make_safe() does.
 class ReopeningLine final : public EnableLine {
  public:
-  explicit ReopeningLine(Held<CoilAmplifier>& held) : held_(held) {}
-  std::string identity() const override { return held_.identity(); }
+  explicit ReopeningLine(Held<CoilAmplifier>& held) : held_(held) {
+    held_.use(Gone::stays, [this](CoilAmplifier& device) {
+      there_ = device.enable_line() != nullptr;
+      if (there_) identity_ = device.enable_line()->identity();
+    });
+  }
+  bool there() const { return there_; }
+  std::string identity() const override { return identity_; }
   void set(bool high) override {
     held_.use(Gone::stays, [high](CoilAmplifier& device) { device.enable_line()->set(high); });
     high_ = high;
@@ -127,6 +133,8 @@ class ReopeningLine final : public EnableLine {
 
  private:
   Held<CoilAmplifier>& held_;
+  bool there_ = false;
+  std::string identity_;
   bool high_ = false;
 };
 
@@ -136,8 +144,6 @@ class ReopeningAmplifier final : public CoilAmplifier {
   explicit ReopeningAmplifier(Held<CoilAmplifier> held)
       : held_(std::move(held)),
         line_(held_),
-        has_line_(held_.use(Gone::stays,
-                            [](CoilAmplifier& device) { return device.enable_line() != nullptr; })),
         channels_(held_.now()->channels()),
         limit_(held_.now()->current_limit()),
         last_(static_cast<std::size_t>(channels_), 0.0) {}
@@ -161,12 +167,11 @@ class ReopeningAmplifier final : public CoilAmplifier {
     held_.use(Gone::comes_back, [](CoilAmplifier& device) { device.make_safe(); });
     last_.assign(last_.size(), 0.0);
   }
-  EnableLine* enable_line() override { return has_line_ ? &line_ : nullptr; }
+  EnableLine* enable_line() override { return line_.there() ? &line_ : nullptr; }
 
  private:
   Held<CoilAmplifier> held_;
   ReopeningLine line_;
-  const bool has_line_;
   const int channels_;
   const double limit_;
   std::vector<double> last_;  // A, as last set: what a lost one may still hold

@@ -16,7 +16,7 @@ struct HeartbeatSettings {
   double rate = 50;  // Hz: rising edges a second
   /// s: the pulse of the retriggerable one-shot behind the line, by its R and C. Without an edge
   /// for so long the amplifiers are off.
-  double one_shot = 0.08;
+  double one_shot = 0.07;
   /// s, from the first edge until the relay has switched the amplifiers on.
   double pick_up = 0.05;
   void check() const;  // throws std::invalid_argument naming the setting

@@ -66,6 +66,7 @@ Interlock::Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits, Cl
   if (clock_ == nullptr) return;
   warmed_at_ = clock_->now();
   forget_slew();
+  note_set(warmed_at_);
   watch_ = clock_->spawn("interlock", [this] { watch(); });
 }
 
@@ -181,8 +182,7 @@ void Interlock::send(std::span<const double> currents) {
   count(currents);
   if (clock_ == nullptr) return;
   sent_at_ = clock_->now();
-  read_back_.set(sent_at_, sent_);
-  if (sensed_) sensed_->set(sent_at_, sent_);
+  note_set(sent_at_);
   if (energized_) clock_->notify(energized_changed_);
 }
 
@@ -229,6 +229,7 @@ void Interlock::make_safe() {
   energized_ = false;
   if (clock_ != nullptr) {
     zeroed_at_ = clock_->now();
+    note_set(zeroed_at_);
     clock_->notify(energized_changed_);
   }
   if (failure) std::rethrow_exception(failure);
@@ -237,8 +238,9 @@ void Interlock::make_safe() {
 /// Before a current flows: the amplifiers are on when it returns.
 void Interlock::start_beat() {
   if (line_->beating()) return;
+  zero_since_ = clock_->now();
   line_->start();
-  watched_at_ = clock_->now();
+  zero_since_ = watched_at_ = clock_->now();
   clock_->notify(energized_changed_);
   if (!enabled_)
     throw DeviceError(DeviceErrorKind::refused, "coils",
@@ -316,7 +318,6 @@ void Interlock::resume() {
 // Task of its own: sleeps until the coils are energized, then checks every kWatchPeriod what no
 // set-point would bring to light: heat, conditions, heartbeats, a zero that was not taken.
 void Interlock::watch() {
-  Time zero_since{};
   while (true) {
     clock_->wait(
         energized_changed_,
@@ -329,13 +330,19 @@ void Interlock::watch() {
         look();
       else if (rest_due_)
         report_rest();
-      else if (watched_at_ - zero_since >= kRest)
+      else if (watched_at_ - zero_since_ >= kRest)
         stop_beat();
     } catch (const DeviceError&) {
       // Reported by trip(); the next turn tries again.
     }
-    if (energized_) zero_since = clock_->now();
+    if (energized_) zero_since_ = clock_->now();
   }
+}
+
+/// For those who compare what flows with it.
+void Interlock::note_set(Time at) {
+  read_back_.set(at, sent_);
+  if (sensed_) sensed_->set(at, sent_);
 }
 
 /// The currents' own time to fall is in the reading's patience.
@@ -384,6 +391,7 @@ void Interlock::watch_by(CurrentSensor& sensor, const CurrentWatchSettings& sett
   sensed_ = std::make_unique<CurrentWatch>(
       sensor, settings, *clock_, [this] { return energized_.load(); },
       [this](const std::string& why) { trip_quietly(why); });
+  note_set(clock_->now());
 }
 
 /// A trip out of a task of its own: an instrument is broken, and what fails beside is in the trip's
@@ -412,7 +420,7 @@ std::string Interlock::fault() const {
         "\u00b0C",
         temperature_.hottest() - 273.15, limits_.heat.limit - 273.15);
   if (const std::string why = unmet(); !why.empty()) return "dead-man: " + why;
-  if (line_ && line_->late()) return "the heartbeat line does not take its edges";
+  if (line_ && (!line_->beating() || line_->late())) return "the heartbeat line does not beat";
   return late_heartbeat();
 }
 

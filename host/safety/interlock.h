@@ -148,6 +148,7 @@ class Interlock : public CoilAmplifier {
   std::string unmet() const;
   std::optional<std::vector<double>> currents_now();
   void report_rest();
+  void note_set(Time at);
 
   CoilAmplifier& amplifier_;
   const InterlockLimits limits_;
@@ -160,6 +161,7 @@ class Interlock : public CoilAmplifier {
   std::function<void(const CoilRest&)> on_rest_;
   bool rest_due_ = false;  // made safe, and not read back yet
   Time zeroed_at_{};
+  Time zero_since_{};  // at zero, with the line beating
   CoilTemperature temperature_;
   std::vector<double> sent_;  // A
   Time sent_at_{};

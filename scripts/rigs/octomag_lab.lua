@@ -47,7 +47,8 @@ return {
   -- Basler A602f shutter_unit = 20e-6. A camera of the system, or a video: driver = "opencv_camera", address = "video:/dev/video0".
 
   -- hid:VENDOR:PRODUCT, with :SERIAL where there are two of them, as here. The device has no watchdog and holds its voltages when
-  -- the host dies: wire digital line 0 to the amplifiers' enable input, with the emergency stop in series.
+  -- the host dies: wire digital line 0 to the amplifiers' enable input, with the emergency stop in series. With
+  -- heartbeat = 50 * Hz it toggles, for a one-shot and a safety relay: docs/how-to/heartbeat_line.md.
   coils = {
     driver = "usb3103",
     address = "hid:09db:009c:01A2B3C4",
