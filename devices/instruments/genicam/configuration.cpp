@@ -102,7 +102,7 @@ void Configuration::apply() const {
   for (const auto& [feature, value] : settings_.features) features_.set(feature, value);
 }
 
-/// What somebody left in a camera must not be in a measurement: an automatic exposure changes the
+/// What was left in a camera must not be in a measurement: an automatic exposure changes the
 /// picture in mid-run, a trigger without a source stops it.
 void Configuration::make_neutral() const {
   if (!settings_.user_set.empty() && features_.available("UserSetLoad")) {

@@ -26,7 +26,7 @@ struct Settings {
   int offset_x_px = 0;             ///< of the image's first pixel on the sensor
   int offset_y_px = 0;
   std::string pixel_format = "Mono8";  ///< one of pixel_formats()
-  /// Loaded before all else, so that a camera does not bring what somebody left in it; empty: not.
+  /// Loaded before all else, so that a camera does not bring what was left in it; empty: not.
   std::string user_set = "Default";
   /// Its source: "Software", "Line1"; empty: free running. `frame_rate` is then the rate expected.
   std::string trigger{};
@@ -35,8 +35,8 @@ struct Settings {
   std::string exposure_output{};  ///< a line that is high while the camera exposes; empty: none
   /// Set last, in this order; to a command the empty text.
   std::vector<std::pair<std::string, std::string>> features{};
-  /// By which a frame is dated: "latch" of the camera's clock, where it has one, "arrivals" alone of
-  /// what that clock has stamped, or "none" of it.
+  /// By which a frame is dated: "latch" of the camera's clock, where it has one, "arrivals" alone
+  /// of what that clock has stamped, or "none" of it.
   std::string device_clock = "latch";
   bool stamps_the_end = false;  ///< its time stamp is of the exposure's end, not of its begin
   /// s, from the end of the exposure to the first packet; by data sheet, or by a lamp that is

@@ -105,7 +105,7 @@ class OpencvCamera final : public Camera {
     capture_.set(cv::CAP_PROP_READ_TIMEOUT_MSEC, 1e3 * std::max(kSilence, 5 / rate));
   }
 
-  /// What somebody left automatic in a camera changes the picture in mid-run.
+  /// What was left automatic in a camera changes the picture in mid-run.
   void set_light() {
     if (settings_.exposure == 0 && !settings_.gain) return;
     const V4l2Controls controls(settings_.source, settings_.name);

@@ -82,7 +82,7 @@ Identity Logger::identify() {
   return *who;
 }
 
-/// What somebody left in it is set anew: each reading with its channel and nothing else. CONF comes
+/// What was left in it is set anew: each reading with its channel and nothing else. CONF comes
 /// first, for it redefines the scan list and switches the channel's number off. Set commands have
 /// no answers of their own, so the error queue and the list's length are asked for.
 Identity Logger::configure() {
