@@ -98,26 +98,26 @@ Texts kepco_texts() {
 }
 
 Texts tic_texts() {
-  return {
-      {"step_length", "travel of the lens for one full step of the motor",
-       "The spindle's lead divided by the motor's steps a turn: 1 mm and 200 steps are 5 um. "
-       "Negative where forward is towards the eye.",
-       Need::typed, "5 um"},
-      {"usteps_per_step", "microsteps in a full step: 1, 2, 4, 8, 16 or 32",
-       "As the controller shall be set. It is written to it where it differs."},
-      {"travel", "travel from the middle, either way",
-       "Moves beyond are refused. Take what the spindle allows between its end stops, less a "
-       "millimeter: beyond it the lens is pressed against the eye.",
-       Need::typed, "1 mm"},
-      {"speed", "usual speed of the lens", "The motor must follow it without losing steps."},
-      {"current_limit", "current of the motor's windings",
-       "From the motor's data sheet. Too much burns it, too little loses steps.", Need::typed,
-       "0.5 A"},
-      {"home", "where its limit switch is: reverse, forward, or none",
-       "Without a limit switch `none`: homing would drive into the end stop.", Need::typed, "none"},
-      {"command_timeout", "time after which the motor stops when the host falls silent",
-       "The controller's own watchdog. Short is safe; below the pause between two commands the "
-       "motor stutters."}};
+  return {{"step_length", "travel of the lens for one full step of the motor",
+           "The spindle's lead divided by the motor's steps a turn: 1 mm and 200 steps are 5 um. "
+           "Negative where forward is towards the eye.",
+           Need::typed, "5 um"},
+          {"usteps_per_step", "microsteps in a full step: 1, 2, 4, 8, 16 or 32",
+           "As the controller shall be set. It is written to it where it differs."},
+          {"travel", "travel from the middle, either way",
+           "Moves beyond are refused. Take what the spindle allows between its end stops, less a "
+           "millimeter: beyond it the lens is pressed against the eye.",
+           Need::typed, "1 mm"},
+          {"speed", "usual speed of the lens", "The motor must follow it without losing steps."},
+          {"current_limit", "current of the motor's windings",
+           "From the motor's data sheet. Too much burns it, too little loses steps.", Need::typed,
+           "0.5 A"},
+          {"home", "where its limit switch is: reverse, forward, or none",
+           "Without a limit switch `none`: homing would drive into the end stop.", Need::typed,
+           "reverse"},
+          {"command_timeout", "time after which the motor stops when the host falls silent",
+           "The controller's own watchdog. Short is safe; below the pause between two commands the "
+           "motor stutters."}};
 }
 
 Texts led_texts() {
