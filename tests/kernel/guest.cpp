@@ -219,7 +219,8 @@ std::string elsewhere(uid_t user, const std::function<std::string()>& act) {
 
 int kernel_log_lines(const std::string& what) {
   std::string log(1 << 20, '\0');
-  const int size = ::klogctl(3, log.data(), static_cast<int>(log.size()));  // SYSLOG_ACTION_READ_ALL
+  const int size =
+      ::klogctl(3, log.data(), static_cast<int>(log.size()));  // SYSLOG_ACTION_READ_ALL
   log.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
   std::istringstream lines(log);
   int count = 0;
@@ -261,7 +262,8 @@ Gadget::~Gadget() {
   ::close(answers_);
   ::waitpid(process_, nullptr, 0);
   run({"sh", "-c",
-       "cd /sys/kernel/config/usb_gadget 2>/dev/null || exit 0; for g in *; do [ -d $g ] || continue;"
+       "cd /sys/kernel/config/usb_gadget 2>/dev/null || exit 0; for g in *; do [ -d $g ] || "
+       "continue;"
        "[ -n \"$(cat $g/UDC)\" ] && continue; rm -f $g/configs/c.1/*.[0-9]; rmdir $g/functions/* "
        "$g/configs/c.1/strings/* $g/configs/c.1 $g/strings/* $g; done"});
 }
@@ -301,8 +303,7 @@ void wait_for_node(const fs::path& node) {
 }
 
 std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role) {
-  auto device =
-      std::make_unique<Gadget>(std::vector<std::string>{"hid", "usb3103", "--numbered"});
+  auto device = std::make_unique<Gadget>(std::vector<std::string>{"hid", "usb3103", "--numbered"});
   wait_for_node("/dev/hidraw0");
   return std::make_unique<Voltages>(std::move(device), role);
 }
@@ -326,8 +327,8 @@ Host::Host(Amplifier& amplifier, const std::function<void()>& prepare) : amplifi
   ::dup2(log, 1);
   ::dup2(log, 2);
   if (prepare) prepare();
-  execute({kProgram, "run", (folder_ / "held.lua").string(), "--rig", (folder_ / "rig.lua").string(),
-           "--out", (folder_ / "runs").string()});
+  execute({kProgram, "run", (folder_ / "held.lua").string(), "--rig",
+           (folder_ / "rig.lua").string(), "--out", (folder_ / "runs").string()});
 }
 
 /// The guardian first: without the amplifier, which goes next, it would go on for ten minutes.

@@ -21,7 +21,8 @@ using Milliseconds = std::chrono::duration<double, std::milli>;
 using namespace std::chrono_literals;
 
 constexpr const char* kProgram = "/opt/vitreo/vitreo";
-constexpr uid_t kOperator = 1000;  // of the groups dialout, video and plugdev, as guest_start has it
+constexpr uid_t kOperator =
+    1000;  // of the groups dialout, video and plugdev, as guest_start has it
 
 /// An operator's rights and home, for this process from now on; root's are kept.
 void become(uid_t user);

@@ -1,4 +1,5 @@
-// Pedals through /dev/uhid, a SpaceMouse by USB: reports of every length that may come, a pulled cable.
+// Pedals through /dev/uhid, a SpaceMouse by USB: reports of every length that may come, a pulled
+// cable.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/foot_pedal/driver.h"
 #include "devices/instruments/spacemouse/driver.h"
@@ -91,8 +92,7 @@ TEST_F(OperatorGuest, APulledPedalIsAReleasedOne) {
     ADD_FAILURE() << "no error";
   } catch (const DeviceError& error) {
     EXPECT_EQ(error.kind, DeviceErrorKind::lost);
-    row("pedal pulled while it is held: released after %.1f ms, \"%s\"", released,
-        error.what());
+    row("pedal pulled while it is held: released after %.1f ms, \"%s\"", released, error.what());
   }
 }
 

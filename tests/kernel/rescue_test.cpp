@@ -250,9 +250,7 @@ TEST_F(RescueUsb3103Guest, FrozenAsForSleep) {
       lives ? "goes on" : "has ended", left);
 }
 
-std::string inhibitors() {
-  return run({"sh", "-c", "cat /run/inhibitor.* 2>/dev/null"}).said;
-}
+std::string inhibitors() { return run({"sh", "-c", "cat /run/inhibitor.* 2>/dev/null"}).said; }
 
 // systemd-inhibit is the guest's own, which notes what it was asked for (tests/kernel/).
 TEST_F(RescueUsb3103Guest, SleepIsInhibitedAsLongAsTheHostLives) {

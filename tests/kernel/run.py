@@ -1,6 +1,6 @@
 """`make test-kernel`: the project's programs on a real kernel, with instruments by another hand behind its nodes.
 
-  run.py --build build/release --folder build/kernel [--only GROUP] [--keep]
+  run.py --build build/release --folder build/kernel [--only REGEX]
 
 Makes the guest (image.py), starts one for each group of cases, two at a time, and prints what each case found. Exit
 code 0 only when every case of every group reported that it passed, and each guest ended as it should.
@@ -26,7 +26,7 @@ import image  # noqa: E402
 from redirected import Redirected  # noqa: E402
 
 MEMORY = "768"  # MB of a guest
-PATIENCE = 150  # s that a guest may take; the slowest needs a third of it beside another one
+PATIENCE = 150  # s without a word of a guest; the slowest case takes 40 s, on a machine that has other things to do too
 PASSED, FAILED = "PASSED", "FAILED"
 
 
@@ -260,7 +260,8 @@ def show(guest):
     """What one machine found."""
     text = [f"\n{guest.group}: {guest.took:.1f} s" + (f"; {guest.problem}" if guest.problem else "")]
     for case in guest.cases.values():
-        text.append(f"  {case.verdict:9} {case.name.split('.')[1]} ({case.seconds:.1f} s)")
+        name = case.name if len(guest.suites) > 1 else case.name.split(".")[1]
+        text.append(f"  {case.verdict:9} {name} ({case.seconds:.1f} s)")
         text += [f"            {row}" for row in case.rows]
         if case.verdict != PASSED:
             text += [f"          | {line}" for line in case.said]

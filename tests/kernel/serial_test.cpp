@@ -110,8 +110,7 @@ TEST_F(SerialGuest, ASecondOpenerIsRefusedBeforeItTouchesTheLine) {
   row("a program that asks for no lock: %s", foreign.c_str());
   std::this_thread::sleep_for(600ms);
   std::string answer;
-  for (std::vector<std::uint8_t> some;
-       !(some = first->read(64, from_seconds(0.2))).empty();)
+  for (std::vector<std::uint8_t> some; !(some = first->read(64, from_seconds(0.2))).empty();)
     answer.append(some.begin(), some.end());
   EXPECT_NE(answer.find("KEPCO,BOP1KW 50-20 ,E156884, 2.01"), std::string::npos) << answer;
   const termios now = present();

@@ -77,8 +77,9 @@ TEST_F(UdevGuest, KeepsModemManagerFromSerialAdaptersAndGivesThemALastingName) {
     name = entry.path().string();
   ASSERT_FALSE(name.empty());
   EXPECT_EQ(fs::canonical(name), "/dev/ttyACM0");
-  write_text("/tmp/rig.lua",
-             "return { title = 'r', coils = { driver = 'kepco_bop', address = 'serial:" + name + "' } }");
+  write_text(
+      "/tmp/rig.lua",
+      "return { title = 'r', coils = { driver = 'kepco_bop', address = 'serial:" + name + "' } }");
   const Ended opened = run({kProgram, "devices", "--rig", "/tmp/rig.lua"}, kOperator);
   EXPECT_EQ(opened.code, 0) << opened.said;
   row("ttyACM0 %s, %s", rights("/dev/ttyACM0").c_str(), name.c_str());
