@@ -306,6 +306,8 @@ TEST(TracedRun, ShowsTheBytesOfOneRoleOrOfAll) {
   EXPECT_EQ(rows[1]["event"], "to");
   EXPECT_EQ(rows[1]["hex"], "0a") << "the first byte ends what a host that died may have begun";
   EXPECT_NE(place.vitreo("show last").out.find("show "), std::string::npos);
+  EXPECT_NE(place.vitreo("show last").out.find("at end    coils "), std::string::npos)
+      << "what is known of the coils";
   EXPECT_EQ(place.vitreo("verify last").exit_code, 0);
   const Spoken other = place.vitreo("show last --links --role lamp");
   EXPECT_EQ(other.exit_code, 2);

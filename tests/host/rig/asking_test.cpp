@@ -291,7 +291,7 @@ TEST_F(Asking, OfSilenceItSaysWhatWasTried) {
   const auto tried = [&](const std::string& line) {
     return std::find(told.begin(), told.end(), line) != told.end();
   };
-  EXPECT_TRUE(tried("kepco_bop, scpi_probe at 9600 baud: silence"));
+  EXPECT_TRUE(tried("kepco_bop, scpi_logger, scpi_probe at 9600 baud: silence"));
   EXPECT_TRUE(tried("zaber at 115200 baud: silence"));
   EXPECT_TRUE(tried("sutter_mpc200 at 128000 baud: silence"));
   EXPECT_EQ(to_json(result)["questions"].size(), told.size());

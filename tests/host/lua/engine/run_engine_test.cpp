@@ -11,6 +11,7 @@
 
 #include <fstream>
 #include <signal.h>
+#include <sstream>
 
 namespace vitreo {
 namespace {
@@ -87,6 +88,9 @@ TEST_F(RunEngineTest, TheRecordSaysWhatTheCoilsCarryAtItsEnd) {
       [&](const Recorder& recorder, OpenRig&) {
         text = rest_in(recorder);
         end = summary(recorder.data()).at("coils_at_end");
+        std::ostringstream report;
+        report << std::ifstream(recorder.folder() / "report.html").rdbuf();
+        EXPECT_NE(report.str().find("At the end <b>" + text), std::string::npos);
         EXPECT_EQ(recorder.stream(kCoilReadBack), nullptr) << "nothing can be read back";
       });
   EXPECT_EQ(text.find("coils set to 0 A at "), 0U) << text;
