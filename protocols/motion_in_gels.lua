@@ -12,14 +12,23 @@ local robots =
   { coni = { name = "coni_2mm", title = "CoNi, 2 mm" }, ndfeb = { name = "ndfeb_cylinder_1mm", title = "NdFeB, 1 mm" } }
 local ways = { "pull", "tumble" }
 
--- Where the robot is: of the simulator's truth where there is one, else as the side camera sees it.
-local function place(run)
-  run:wait(0.3 * s)
-  local span = { from = run:now() - 1 * s, to = run:now() }
+local function last_seen(run, since)
+  local span = { from = since, to = run:now() }
   local seen = run:samples("truth", { "x", "y", "z" }, span) or run:samples("side_camera", { "x", "z" }, span)
   local last = seen and #seen.time or 0
-  if last == 0 then error("the robot is not seen", 0) end
-  return vector(seen.x[last], seen.y and seen.y[last] or 0, seen.z[last])
+  return last > 0 and vector(seen.x[last], seen.y and seen.y[last] or 0, seen.z[last]) or nil
+end
+
+-- Where the robot is: of the simulator's truth where there is one, else as the side camera sees it. One that was seen since `began`
+-- and is out of sight now has gone at least as far as it was seen.
+local function place(run, began)
+  run:wait(0.3 * s)
+  local here = last_seen(run, run:now() - 1 * s)
+  if here then return here end
+  local edge = began and last_seen(run, began)
+  if not edge then error("the robot is not seen", 0) end
+  run:note("the robot has left the side camera's sight: it went at least as far as where it was seen last")
+  return edge
 end
 
 -- Currents for a direction of the field and as much force along x, up to `force`, as the sum of all currents allows.
@@ -55,14 +64,14 @@ local function along_x() return vector(1, 0, 0) end
 local function attempt(rig, run, model, robot, p, gel, way)
   rig.sample:change_vial { robot = robot.name, gel = "gel_" .. gel }
   push(rig, run, model, robot, p, 1 * s, along_x, 0) -- lies along the field, held up
-  local from = place(run)
+  local from, began = place(run), run:now()
   local function turning(time)
     local angle = 2 * math.pi * p.rate * time
     return vector(math.cos(angle), 0, math.sin(angle))
   end
   push(rig, run, model, robot, p, p.time, way == "tumble" and turning or along_x, p.force)
   push(rig, run, model, robot, p, 2 * s, along_x, 0)
-  local went = (place(run) - from):norm()
+  local went = (place(run, began) - from):norm()
   run:record(
     "motion",
     { gel = gel, hard = robot == robots.ndfeb and 1 or 0, tumbled = way == "tumble" and 1 or 0, distance = went },
@@ -99,6 +108,11 @@ return {
   run = function(rig, p, run)
     local model, tried = control.field_model { name = "octomag" }, p.robot == "both" and { "coni", "ndfeb" } or { p.robot }
     local went, rows = {}, {}
+    -- Where there is no truth the side camera says where the robot is; it compares with the empty scene.
+    if not rig.simulation and rig.top_camera and rig.side_camera then
+      rig.sample:remove_robot()
+      rig:learn_background { frames = 15 }
+    end
     for gel in run:each(p.gels, "gel") do
       rows[gel] = { tostring(gel), ("%g"):format(published.gels.agar[gel]) }
       for _, key in ipairs(tried) do

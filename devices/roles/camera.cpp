@@ -20,6 +20,4 @@ std::string Camera::set_feature(const std::string& name, const std::string&) {
   refuse(info(), "feature " + name + ": its driver knows no features by name");
 }
 
-void Camera::trigger() { refuse(info(), "it does not wait for a trigger by software"); }
-
 }  // namespace vitreo

@@ -27,7 +27,7 @@ struct Frame {
   /// Of a gray camera of more than 8 bits the same image with all of them, CV_16UC1, right-aligned;
   /// else empty. The record keeps this one.
   cv::Mat deep{};
-  int bits = 8;              ///< that count of a pixel of `deep`, or of `image` where it is empty
+  int bits = 8;  ///< that count of a pixel of `deep`, or of `image` where it is empty
 };
 
 struct CameraInfo {
@@ -66,10 +66,9 @@ class Camera {
   /// DeviceError{refused} naming the feature where there is none, or it does not take the value, or
   /// it decides what an image is and belongs to the rig file (its size, its format).
   virtual std::string feature(const std::string& name);
-  /// Returns what the camera reads back; of a command, whose value is "", nothing.
+  /// Returns what the camera reads back; of a command, whose value is "", nothing
+  /// ("TriggerSoftware": one exposure, of a camera that waits for a trigger by software).
   virtual std::string set_feature(const std::string& name, const std::string& value);
-  /// One exposure, of a camera that waits for a trigger by software; else DeviceError{refused}.
-  virtual void trigger();
 };
 
 }  // namespace vitreo

@@ -264,9 +264,6 @@ class ReopeningCamera final : public Camera {
     return held_.use(Gone::comes_back,
                      [&](Camera& device) { return device.set_feature(name, value); });
   }
-  void trigger() override {
-    held_.use(Gone::comes_back, [](Camera& device) { device.trigger(); });
-  }
 
  private:
   /// What the former opening counted goes to the sums.

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 namespace vitreo::sim {
 
@@ -70,6 +71,22 @@ void SimulatedCamera::wait_until(Time due) {
   if (faults_.unplugged) throw DeviceError(DeviceErrorKind::lost, info_.identity, "is gone");
 }
 
+std::string SimulatedCamera::feature(const std::string& name) {
+  return name == "Gain" ? std::to_string(gain_) : Camera::feature(name);
+}
+
+std::string SimulatedCamera::set_feature(const std::string& name, const std::string& value) {
+  constexpr double kMost = 24;  // dB
+  if (name != "Gain") return Camera::set_feature(name, value);
+  char* end = nullptr;
+  const double wanted = std::strtod(value.c_str(), &end);
+  if (value.empty() || *end != '\0' || !(wanted >= 0 && wanted <= kMost))
+    throw DeviceError(DeviceErrorKind::refused, info_.identity,
+                      "feature Gain: '" + value + "' is not in [0, 24] dB");
+  gain_ = wanted;
+  return feature(name);
+}
+
 // Pulls the newest frame, and renders only that one. Its time stamp is the middle of the exposure.
 Frame SimulatedCamera::grab(Time timeout) {
   const Time deadline = later(clock_.now(), timeout);
@@ -85,8 +102,10 @@ Frame SimulatedCamera::grab(Time timeout) {
     last_ = number;
     if (!comes(number)) continue;
     const auto count = static_cast<std::uint64_t>(number);
-    if (!faults_.frozen || picture_.empty())
+    if (!faults_.frozen || picture_.empty()) {
       picture_ = spoiled(draw_(exposed, count), faults_.picture, exposed);
+      if (gain_ > 0) picture_.convertTo(picture_, -1, std::pow(10, gain_ / 20));
+    }
     if (faults_.late > Time::zero()) wait_until(later(arrives, faults_.late));
     ++statistics_.delivered;
     return {picture_, count, exposed + faults_.jump,

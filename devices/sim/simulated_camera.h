@@ -33,6 +33,9 @@ class SimulatedCamera : public Camera {
   const CameraInfo& info() const override { return info_; }
   Frame grab(Time timeout) override;
   CameraStatistics statistics() const override { return statistics_; }
+  /// "Gain" alone, 0 to 24 dB: it brightens what is seen, the sensor's noise with it.
+  std::string feature(const std::string& name) override;
+  std::string set_feature(const std::string& name, const std::string& value) override;
 
  private:
   Time arrival(std::int64_t number) const;
@@ -50,6 +53,7 @@ class SimulatedCamera : public Camera {
   const ImagingFaults& faults_;
   std::int64_t last_ = -1;
   CameraStatistics statistics_;
+  double gain_ = 0;  // dB
   cv::Mat picture_;  // the last one
 };
 

@@ -101,7 +101,6 @@ class FrameRecording::Tap final : public Camera {
                     name_ + ": feature " + name + (read.empty() ? " executed" : " = " + read));
     return read;
   }
-  void trigger() override { camera_.trigger(); }
 
   // What a caller gets is offered to the record in the same call, so what is recorded is what the
   // loop saw, in its order.

@@ -83,9 +83,7 @@ end
 --- The same of data of which up to a quarter may be far off: the median of the slopes of all pairs (Theil 1950, Sen 1968), and
 --- the median of what is left. Pairs whose x differ by less than `apart` (0) say nothing of the slope.
 function statistics.robust_line(x, y, apart)
-  if #some(x, "robust_line") < 2 or #x ~= #y then
-    error("robust_line: wants two lists of the same length, two or more", 2)
-  end
+  if #some(x, "robust_line") < 2 or #x ~= #y then error("robust_line: wants two lists of the same length, two or more", 2) end
   local slopes, left = {}, {}
   for i = 1, #x do
     for k = i + 1, #x do

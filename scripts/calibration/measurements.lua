@@ -81,9 +81,9 @@ local function rest(rig, run, time)
 end
 
 --- How long after a new set-point the coil's field begins to follow, and with which time constant: steps of current seen by the
---- field probe, a robust straight line through the times over log(1 - B/B_end). A teslameter is slower than the coils: the step is repeated, each
---- time asked a little later, over as long as one reading takes. A reading counts at the moment that the probe says. Returns
---- {delay, constant (s), times, values}.
+--- field probe, a robust straight line through the times over log(1 - B/B_end). A teslameter is slower than the coils: the step
+--- is repeated, each time asked a little later, over as long as one reading takes. A reading counts at the moment that the probe
+--- says. Returns {delay, constant (s), times, values}.
 function calibrations.coil_latency(rig, run, options)
   local coil, current, repeats = options.coil or 1, options.current or 2 * A, options.repeats
   local function field()

@@ -43,8 +43,8 @@ return {
   -- The operator's hands: protocols ask for the robot, the target and the vials by questions with names.
   sample = { driver = "operator" },
 
-  -- A FireWire camera in its place: driver = "iidc", address = "iidc:00b09d0100a8f3d1" (its GUID), and for a
-  -- Basler A602f shutter_unit = 20e-6. A camera of the system, or a video: driver = "opencv_camera", address = "video:/dev/video0".
+  -- A FireWire camera in its place: driver = "iidc", address = "iidc:00b09d0100a8f3d1" (its GUID), and for a Basler A602f
+  -- shutter_unit = 20e-6. A camera of the system, or a video: driver = "opencv_camera", address = "video:/dev/video0".
 
   -- hid:VENDOR:PRODUCT, with :SERIAL where there are two of them, as here. The device has no watchdog and holds its voltages when
   -- the host dies: wire digital line 0 to the amplifiers' enable input, with the emergency stop in series. With

@@ -144,7 +144,7 @@ inline const std::vector<Row> kTable{
     {"devices/instruments/genicam/",
      {"devices/"},
      {"devices/sim/", "devices/testbed/"},
-     {"opencv2/core", "arv.h"},
+     {"opencv2/core", "opencv2/imgproc", "arv.h"},
      true},
     {"devices/instruments/iidc/",
      {"devices/"},
@@ -158,7 +158,8 @@ inline const std::vector<Row> kTable{
     {"devices/instruments/opencv_camera/",
      {"devices/"},
      {"devices/sim/", "devices/testbed/"},
-     {"opencv2/core", "opencv2/videoio"}},
+     {"opencv2/core", "opencv2/videoio"},
+     true},  // V4L2's controls
     {"devices/instruments/", {"devices/"}, {"devices/sim/", "devices/testbed/"}, kOfDevices, true},
     {"host/text/", kText, {}, {"fmt/"}, true},
     {"host/files/", kFiles, {}, kOfHost, true},

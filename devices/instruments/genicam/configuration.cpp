@@ -4,8 +4,6 @@
 #include "devices/instruments/genicam/pixels.h"
 #include "devices/time/error.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -45,6 +43,10 @@ constexpr std::array kRecorded = {"DeviceFirmwareVersion",
                                   "DeviceTemperature"};
 
 }  // namespace
+
+std::string size_text(int width_px, int height_px) {
+  return std::to_string(width_px) + " x " + std::to_string(height_px);
+}
 
 bool belongs_to_the_rig_file(const std::string& feature) {
   constexpr std::array kOfTheImage = {"Width",
@@ -127,14 +129,13 @@ void Configuration::set_region() const {
   ask("width_px", [&](GError** e) { arv_camera_get_width_bounds(camera_, &least, &widest, e); });
   ask("height_px", [&](GError** e) { arv_camera_get_height_bounds(camera_, &least, &highest, e); });
   if (settings_.width_px > widest || settings_.height_px > highest)
-    refuse(fmt::format("width_px, height_px: it makes images of up to {} x {}", widest, highest));
+    refuse("width_px, height_px: it makes images of up to " + size_text(widest, highest));
   if (settings_.offset_x_px + settings_.width_px > widest ||
       settings_.offset_y_px + settings_.height_px > highest)
-    refuse(
-        fmt::format("offset_x_px, offset_y_px: an image of {} x {} at ({}, {}) is beyond its "
-                    "sensor of {} x {}",
-                    settings_.width_px, settings_.height_px, settings_.offset_x_px,
-                    settings_.offset_y_px, widest, highest));
+    refuse("offset_x_px, offset_y_px: an image of " +
+           size_text(settings_.width_px, settings_.height_px) + " at (" +
+           std::to_string(settings_.offset_x_px) + ", " + std::to_string(settings_.offset_y_px) +
+           ") is beyond its sensor of " + size_text(widest, highest));
   ask("width_px, height_px, offset_x_px, offset_y_px", [&](GError** e) {
     arv_camera_set_region(camera_, settings_.offset_x_px, settings_.offset_y_px, settings_.width_px,
                           settings_.height_px, e);
@@ -161,7 +162,7 @@ void Configuration::set_lines() const {
           "TriggerActivation", settings_.trigger_edge == "falling" ? "FallingEdge" : "RisingEdge");
     if (settings_.trigger_delay > 0)
       features_.set(features_.available("TriggerDelay") ? "TriggerDelay" : "TriggerDelayAbs",
-                    fmt::format("{}", settings_.trigger_delay * 1e6));
+                    std::to_string(settings_.trigger_delay * 1e6));
   }
   if (!settings_.exposure_output.empty()) {
     features_.set("LineSelector", settings_.exposure_output);
@@ -185,7 +186,7 @@ CameraInfo Configuration::read_back() const {
   check_rate(info);
   const double exposed = exposure();
   if (std::abs(exposed - settings_.exposure) > 0.05 * settings_.exposure + 10e-6)
-    refuse(fmt::format("exposure: it exposes for {} s instead", exposed));
+    refuse("exposure: it exposes for " + std::to_string(exposed) + " s instead");
   info.effective_pixel = settings_.effective_pixel;
   const PixelFormat& format = *format_of(settings_.pixel_format);
   info.bits = format.pattern.empty() ? format.bits : 8;  // color is delivered with 8
@@ -202,11 +203,11 @@ void Configuration::check_region(CameraInfo& info) const {
                           &info.height_px, e);
   });
   if (info.width_px != settings_.width_px || info.height_px != settings_.height_px)
-    refuse(fmt::format("width_px, height_px: it makes images of {} x {} instead", info.width_px,
-                       info.height_px));
+    refuse("width_px, height_px: it makes images of " + size_text(info.width_px, info.height_px) +
+           " instead");
   if (info.offset_x_px != settings_.offset_x_px || info.offset_y_px != settings_.offset_y_px)
-    refuse(fmt::format("offset_x_px, offset_y_px: it takes ({}, {}) instead", info.offset_x_px,
-                       info.offset_y_px));
+    refuse("offset_x_px, offset_y_px: it takes (" + std::to_string(info.offset_x_px) + ", " +
+           std::to_string(info.offset_y_px) + ") instead");
   const std::string format = features_.value("PixelFormat");
   if (format != settings_.pixel_format) refuse("pixel_format: it gives " + format + " instead");
 }
@@ -217,7 +218,7 @@ void Configuration::check_rate(CameraInfo& info) const {
   const double rate =
       ask("frame_rate", [this](GError** e) { return arv_camera_get_frame_rate(camera_, e); });
   if (std::abs(rate - settings_.frame_rate) > 0.05 * settings_.frame_rate)
-    refuse(fmt::format("frame_rate: it runs at {} Hz instead", rate));
+    refuse("frame_rate: it runs at " + std::to_string(rate) + " Hz instead");
   info.frame_period = 1 / rate;
 }
 

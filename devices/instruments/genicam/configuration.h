@@ -38,6 +38,9 @@ class Configuration {
   const Features& features_;
 };
 
+/// "640 x 480", for errors.
+std::string size_text(int width_px, int height_px);
+
 /// Whether a feature decides what an image is, and is therefore the rig file's alone.
 bool belongs_to_the_rig_file(const std::string& feature);
 

@@ -9,8 +9,6 @@
 #include "devices/time/device_clock.h"
 #include "devices/time/error.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -52,7 +50,6 @@ class GenicamCamera final : public Camera {
   Frame grab(Time timeout) override;
   std::string feature(const std::string& name) override;
   std::string set_feature(const std::string& name, const std::string& value) override;
-  void trigger() override;
 
  private:
   void start();
@@ -213,13 +210,13 @@ Frame GenicamCamera::picture_of(ArvBuffer* buffer) const {
   std::size_t size = 0;
   const auto* const pixels = static_cast<const std::uint8_t*>(arv_buffer_get_data(buffer, &size));
   if (format == nullptr || format->name != settings_.pixel_format)
-    fail(DeviceErrorKind::protocol,
-         fmt::format("an image of the format {:#x} came instead of {}",
-                     arv_buffer_get_image_pixel_format(buffer), settings_.pixel_format));
+    fail(DeviceErrorKind::protocol, "an image of " +
+                                        (format == nullptr ? "an unknown format" : format->name) +
+                                        " came instead of " + settings_.pixel_format);
   if (width != info_.width_px || height != info_.height_px ||
       size < bytes_of(*format, width, height))
-    fail(DeviceErrorKind::protocol,
-         fmt::format("an image of {} x {} and {} bytes came", width, height, size));
+    fail(DeviceErrorKind::protocol, "an image of " + size_text(width, height) + " and " +
+                                        std::to_string(size) + " bytes came");
   Frame frame;
   Pixels decoded = decode(*format, {pixels, size}, width, height);
   frame.image = std::move(decoded.image);
@@ -292,15 +289,6 @@ std::string GenicamCamera::set_feature(const std::string& name, const std::strin
   });
   exposure_ = from_seconds(exposed);
   return read;
-}
-
-void GenicamCamera::trigger() {
-  if (settings_.trigger != "Software")
-    fail(DeviceErrorKind::refused,
-         "trigger: it does not wait for one by software (trigger = \"Software\" in its table)");
-  clock_.outside([this] {
-    ask("trigger", [this](GError** e) { arv_camera_software_trigger(camera_.get(), e); });
-  });
 }
 
 /// The newest whole frame of those that wait. When all buffers are full, the stream had none for

@@ -3,8 +3,6 @@
 
 #include "devices/time/error.h"
 
-#include <fmt/format.h>
-
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -18,6 +16,9 @@ namespace vitreo::opencv_camera {
 namespace {
 
 constexpr double kExposureUnit = 100e-6;  // s, of V4L2_CID_EXPOSURE_ABSOLUTE
+
+/// Of the last call that failed.
+std::string reason() { return errno == EINVAL ? "it has no control for it" : std::strerror(errno); }
 
 }  // namespace
 
@@ -50,21 +51,19 @@ double V4l2Controls::set_exposure(double seconds) const {
   set(V4L2_CID_EXPOSURE_AUTO_PRIORITY, 0);
   const int units = std::max(1, static_cast<int>(std::lround(seconds / kExposureUnit)));
   if (!set(V4L2_CID_EXPOSURE_ABSOLUTE, units))
-    refuse(fmt::format("exposure: {} s is not taken: {}", seconds,
-                       errno == EINVAL ? "it has no control for it" : std::strerror(errno)));
+    refuse("exposure: " + std::to_string(seconds) + " s is not taken: " + reason());
   const double taken = kExposureUnit * value(V4L2_CID_EXPOSURE_ABSOLUTE).value_or(units);
   if (std::abs(taken - seconds) > 0.05 * seconds + kExposureUnit / 2)
-    refuse(fmt::format("exposure: it exposes for {} s instead", taken));
+    refuse("exposure: it exposes for " + std::to_string(taken) + " s instead");
   return taken;
 }
 
 void V4l2Controls::set_gain(int gain) const {
   set(V4L2_CID_AUTOGAIN, 0);
   if (!set(V4L2_CID_GAIN, gain))
-    refuse(fmt::format("gain: {} is not taken: {}", gain,
-                       errno == EINVAL ? "it has no control for it" : std::strerror(errno)));
+    refuse("gain: " + std::to_string(gain) + " is not taken: " + reason());
   const int taken = value(V4L2_CID_GAIN).value_or(gain);
-  if (taken != gain) refuse(fmt::format("gain: it takes {} instead", taken));
+  if (taken != gain) refuse("gain: it takes " + std::to_string(taken) + " instead");
 }
 
 void V4l2Controls::switch_automatics_off() const {

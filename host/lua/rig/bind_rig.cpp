@@ -75,13 +75,6 @@ int camera_set_feature(Call& call) {
       [](Call&) { return 0; }));
 }
 
-int camera_trigger(Call& call) {
-  Camera* const camera = &call.self<Camera>();
-  return call.wait(work(
-      call, camera->info().identity, [=] { camera->trigger(); }, kFeature,
-      [](Call&) { return 0; }));
-}
-
 // A frame's time is the middle of its exposure, `received` its arrival at the host, both of the
 // run's clock.
 int push_frame(const Call& call, const Frame& frame) {
@@ -361,10 +354,11 @@ const Class& camera_class() {
         "rig.top_camera:grab()"},
        {"feature",
         {{.name = "name", .type = Type::text, .help = "GenICam's: \"Gain\""}},
-        "number, text or boolean, in the camera's own unit",
-        "a setting by the name that the camera gives it",
+        "any",
+        "a setting by the name that the camera gives it: a number, a text or true or false, in its "
+        "own unit",
         camera_feature,
-        "pcall(rig.top_camera.feature, rig.top_camera, \"Gain\")"},
+        "rig.top_camera:feature(\"Gain\")"},
        {"set_feature",
         {{.name = "name", .type = Type::text},
          {.name = "value",
@@ -374,13 +368,7 @@ const Class& camera_class() {
         "",
         "sets it, or executes a command; what decides the image's size belongs to the rig file",
         camera_set_feature,
-        "pcall(rig.top_camera.set_feature, rig.top_camera, \"Gain\", 3)"},
-       {"trigger",
-        {},
-        "",
-        "one exposure, of a camera with trigger = \"Software\" in its table",
-        camera_trigger,
-        "pcall(rig.top_camera.trigger, rig.top_camera)"}}};
+        "rig.top_camera:set_feature(\"Gain\", 3)"}}};
   return kind;
 }
 

@@ -110,12 +110,12 @@ TEST(Reproduction, ThesisAndOursAreInOneUnit) {
   other.tolerance = "none";
   run.rows.insert(run.rows.end(), {small, other});
   const std::string page = reproduction_page({run}, "/");
-  EXPECT_NE(
-      page.find("<td>300 \u00b5m<td>1250 \u00b5m<td>100 \u00b5m to 2000 \u00b5m (this project's"),
-      std::string::npos)
+  EXPECT_NE(page.find("<td>300 \u00b5m<td>1250 \u00b5m<td>\u2013<td>100 \u00b5m to 2000 \u00b5m "
+                      "(this project's"),
+            std::string::npos)
       << page;
   for (const char* part :
-       {"<td>\u2013<td>12.5 \u00b5m<td>none", "<td>30\u00b0", "moved by 40 \u00b5m"})
+       {"<td>\u2013<td>12.5 \u00b5m<td>\u2013<td>none", "<td>30\u00b0", "moved by 40 \u00b5m"})
     EXPECT_NE(page.find(part), std::string::npos) << part << page;
   EXPECT_EQ(page.find(" um"), std::string::npos);
   EXPECT_NE(reproduction_markdown({run}).find("| 300 \u00b5m | 1250 \u00b5m |"), std::string::npos);
