@@ -19,8 +19,8 @@ local function last_seen(run, since)
   return last > 0 and vector(seen.x[last], seen.y and seen.y[last] or 0, seen.z[last]) or nil
 end
 
--- Where the robot is: of the simulator's truth where there is one, else as the side camera sees it. One that was seen since `began`
--- and is out of sight now has gone at least as far as it was seen.
+-- Where the robot is: of the simulator's truth where there is one, else as the side camera sees it. One that was seen since
+-- `began` and is out of sight now has gone at least as far as it was seen.
 local function place(run, began)
   run:wait(0.3 * s)
   local here = last_seen(run, run:now() - 1 * s)

@@ -410,7 +410,7 @@ TEST(PluggedIn, NamesTheDriverOfAPortWhoseIdentityTellsAndTheCandidatesOfAnother
   EXPECT_EQ(drivers("", "", 0x1342, 0x0001), Names{"sutter_mpc200"});
   EXPECT_EQ(drivers("Zaber Technologies", "X-MCC2", 0x2939, 1), Names{"zaber"});
   EXPECT_EQ(drivers("Sutter", "", 0x0403, 0x6001), (Names{"sutter_mp285", "sutter_mpc200"}));
-  const Names any{"kepco_bop", "scpi_probe", "sutter_mp285", "zaber"};
+  const Names any{"kepco_bop", "scpi_logger", "scpi_probe", "sutter_mp285", "zaber"};
   EXPECT_EQ(drivers("FTDI", "FT232R USB UART", 0x0403, 0x6001), any);
   EXPECT_EQ(drivers_for({"/dev/ttyS0", std::nullopt}), any);
 }
