@@ -38,14 +38,6 @@ Relay relay_in(const nlohmann::json& history, double since) {
   return relay;
 }
 
-/// Where in the kernel each thread of a process is.
-std::string threads(pid_t process) {
-  std::string all;
-  for (const auto& entry : fs::directory_iterator("/proc/" + std::to_string(process) + "/task"))
-    all += text_of(entry.path() / "comm") + text_of(entry.path() / "stack");
-  return all;
-}
-
 class Heartbeat : public ::testing::Test {
  protected:
   /// On, and beating for a while, so that the event meets any phase of the beat.
@@ -158,11 +150,10 @@ class HeartbeatOutsideGuest : public Heartbeat {
   /// Whatever is alive after the machine's absence, it has noticed: the run is at its end.
   void expect_trip() {
     const auto ended = time_until(40s, [&] { return !host->lives(); });
-    EXPECT_TRUE(ended) << "the run goes on: " << threads(host->process());
+    EXPECT_TRUE(ended) << "the run goes on";
     if (ended) row("the run has ended %.0f ms later, code %d", ended->count(), *host->code());
     EXPECT_NE(host->code().value_or(0), 0) << host->said();
-    EXPECT_NE(host->said().find("the heartbeat line has stopped"), std::string::npos)
-        << host->said();
+    EXPECT_NE(host->said().find("the heartbeat line"), std::string::npos) << host->said();
     EXPECT_LT(volts(), 2e-3) << host->said();
     EXPECT_EQ(relay().closed_again, 0) << "on again; " << host->said();
   }
