@@ -5,6 +5,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <chrono>
+#include <ctime>
 #include <stdexcept>
 #include <utility>
 
@@ -14,6 +17,24 @@ namespace {
 // Of the one-shot's pulse: its resistor, its capacitor and the chip's own constant make it shorter
 // by up to a fifth. An edge that comes after that may be the first of a new pulse.
 constexpr double kLeastPulse = 0.8;
+
+// What the readings of two clocks may differ by without a sleep between them.
+constexpr Time kSleepNoise = std::chrono::milliseconds(10);
+
+Time time_of(clockid_t clock) {
+  timespec now{};
+  ::clock_gettime(clock, &now);
+  return std::chrono::seconds(now.tv_sec) + std::chrono::nanoseconds(now.tv_nsec);
+}
+
+/// For how long this computer has slept since its start. The best of some readings: each is too
+/// small by what comes between its two.
+Time slept() {
+  Time most{};
+  for (int i = 0; i < 3; ++i)
+    most = std::max(most, time_of(CLOCK_BOOTTIME) - time_of(CLOCK_MONOTONIC));
+  return most;
+}
 
 }  // namespace
 
@@ -87,10 +108,13 @@ void HeartbeatLine::beat() {
   const Time half = from_seconds(0.5 / settings_.rate);
   const int mine = starts_;
   const auto on = [this, mine] { return beating_ && starts_ == mine; };
+  // The clock stands still while the computer sleeps; the pulse does not.
+  const Time slept_before = slept();
   while (on()) {
     if (const std::string why = why_not_(); !why.empty()) return fail(why);
     // Before the edge: it must not switch amplifiers on again that have been off meanwhile.
     if (const std::string why = lateness(); !why.empty()) return fail(why);
+    if (slept() - slept_before > kSleepNoise) return fail("the computer has slept");
     const Time now = clock_.now();
     line_.set(true);
     // Stopped while the edge was on its way: behind the low of stop().

@@ -408,6 +408,9 @@ void Interlock::look() {
     make_safe();  // a zero that did not get through is sent again until it does
   else if (const std::string why = fault(); !why.empty())
     trip(why);
+  else if (line_ && (!line_->beating() || line_->late()))
+    // The amplifiers are off, or soon: a run that only holds would wait on without a current.
+    trip(Trip{"the heartbeat line does not beat", true});
   else
     ask_amplifier();
 }
@@ -420,7 +423,6 @@ std::string Interlock::fault() const {
         "\u00b0C",
         temperature_.hottest() - 273.15, limits_.heat.limit - 273.15);
   if (const std::string why = unmet(); !why.empty()) return "dead-man: " + why;
-  if (line_ && (!line_->beating() || line_->late())) return "the heartbeat line does not beat";
   return late_heartbeat();
 }
 

@@ -281,20 +281,26 @@ std::string Outside::exchange(const std::string& order) {
   return read_line(port(), read);
 }
 
-Voltages::Voltages(std::unique_ptr<Instrument> device, std::string role)
-    : device_(std::move(device)), role_(std::move(role)) {}
+// The double takes its one-shot with its power.
+Voltages::Voltages(std::unique_ptr<Instrument> device, std::string role,
+                   const std::optional<Beat>& beat)
+    : device_(std::move(device)), role_(std::move(role)), beat_(beat) {
+  if (!beat_) return;
+  device_->order({{"set", {{"one_shot", beat_->one_shot}, {"relay_release", beat_->release}}}});
+  device_->order({{"power_cycle", true}});
+}
 
 std::string Voltages::rig() const {
   const std::string driver = role_ == "lamp" ? "led" : "usb3103";
-  return role_ + " = { driver = \"" + driver + "\", address = \"hid:09db:009c\", enable_line = 0 }";
+  const std::string beat = beat_ ? ", heartbeat = " + std::to_string(beat_->rate) +
+                                       ", one_shot = " + std::to_string(beat_->one_shot)
+                                 : "";
+  return role_ + " = { driver = \"" + driver + "\", address = \"hid:09db:009c\", enable_line = 0" +
+         beat + " }";
 }
 
-double Voltages::output() {
-  double most = 0;
-  for (const nlohmann::json& volts : device_->state("volts"))
-    most = std::max(most, std::abs(volts.get<double>()));
-  return most;
-}
+// Of a one-shot that is not there the amplifiers are always on.
+double Voltages::output() { return device_->state("driven").get<double>(); }
 
 void wait_for_node(const fs::path& node) {
   if (!time_until(5s, [&] { return fs::exists(node); }))
@@ -302,10 +308,11 @@ void wait_for_node(const fs::path& node) {
   run({"chmod", "0666", node});
 }
 
-std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role) {
+std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role,
+                                          const std::optional<Beat>& beat) {
   auto device = std::make_unique<Gadget>(std::vector<std::string>{"hid", "usb3103", "--numbered"});
   wait_for_node("/dev/hidraw0");
-  return std::make_unique<Voltages>(std::move(device), role);
+  return std::make_unique<Voltages>(std::move(device), role, beat);
 }
 
 std::unique_ptr<Amplifier> bop_gadget() {

@@ -107,10 +107,19 @@ struct Amplifier {
   bool at_zero() { return output() < 2e-3; }
 };
 
-/// A USB-3103, whose outputs are asked for from `device`; one ampere is half a volt.
+/// A heartbeat line, and what is behind it.
+struct Beat {
+  double rate = 50;        ///< Hz
+  double one_shot = 0.07;  ///< s
+  double release = 0.015;  ///< s, in which the relay opens after the pulse
+};
+
+/// A USB-3103, whose outputs are asked for from `device`; one ampere is half a volt. With a
+/// heartbeat line it outputs nothing while the relay of the device's one-shot is open.
 class Voltages : public Amplifier {
  public:
-  explicit Voltages(std::unique_ptr<Instrument> device, std::string role = "coils");
+  explicit Voltages(std::unique_ptr<Instrument> device, std::string role = "coils",
+                    const std::optional<Beat>& beat = std::nullopt);
   std::string rig() const override;
   double output() override;
   Instrument& instrument() override { return *device_; }
@@ -118,11 +127,13 @@ class Voltages : public Amplifier {
  private:
   std::unique_ptr<Instrument> device_;
   std::string role_;
+  std::optional<Beat> beat_;
 };
 /// Waits for it, and opens it to every user; throws std::runtime_error.
 void wait_for_node(const std::filesystem::path& node);
 /// Plugged into this machine's own controller.
-std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role = "coils");
+std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role = "coils",
+                                          const std::optional<Beat>& beat = std::nullopt);
 /// A BOP behind /dev/ttyACM0.
 std::unique_ptr<Amplifier> bop_gadget();
 

@@ -47,6 +47,7 @@ class Guest:
         self.cases = {name: Case(name) for name in cases}
         self.folder = given.folder / "guests" / group
         self.devices, self.process, self.problem, self.took = {}, None, "", 0.0
+        self.left = None  # with what words the cases left the rest to the judge
         self.judge = JUDGES.get(group)
 
     def pace(self):
@@ -133,6 +134,7 @@ class Guest:
                     answer = self.devices[name].obey(order) if name in self.devices else {"error": f"no device {name}"}
                     port.sendall((json.dumps(answer) + "\n").encode())
                 elif kind == "LEAVE":  # what follows is judged from outside
+                    self.left = text
                     return
         except TimeoutError:
             self.problem = f"silent for {PATIENCE} s"
@@ -148,16 +150,23 @@ class Guest:
         return not self.problem and self.cases and all(case.verdict == PASSED for case in self.cases.values())
 
 
+def wait_for_panic(guest, case):
+    """Whether the machine's kernel has panicked within 20 s."""
+    began = time.monotonic()
+    while "Kernel panic" not in guest.console():
+        if guest.left is None or time.monotonic() - began > 20:
+            case.verdict = FAILED
+            case.said.append("no panic within 20 s")
+            return False
+        time.sleep(0.01)
+    return True
+
+
 def judge_panic(guest):
     """The machine panics with its output energized; the interface outside goes on without it."""
     case = next(iter(guest.cases.values()))
-    began = time.monotonic()
-    while "Kernel panic" not in guest.console():
-        if time.monotonic() - began > 20:
-            case.verdict = FAILED
-            case.said.append("no panic within 20 s")
-            return
-        time.sleep(0.01)
+    if not wait_for_panic(guest, case):
+        return
     device = guest.devices["usb3103"]
     seen = []
     for wait in (0.2, 0.8, 1.0):
@@ -180,14 +189,42 @@ def judge_panic(guest):
         case.verdict = PASSED
 
 
+def judge_heartbeat_panic(guest):
+    """The same with a heartbeat line: the double's relay opens, and stays open with the computer off."""
+    case = guest.cases["HeartbeatOutsideGuest.PanicOfTheKernel"]
+    if not wait_for_panic(guest, case):
+        return
+    device = guest.devices["usb3103"]
+    began, bound = map(float, guest.left.split())
+    time.sleep(1.0)
+    guest.process.kill()  # the computer loses its power
+    guest.process.wait()
+    time.sleep(0.5)
+    history = device.obey('{"history": true}')["history"]
+    relay = [(at, closed) for at, name, closed in history if name == "amplifiers" and at > began]
+    edges = [at for at, name, latch in history if name == "port_latch" and latch & 1]
+    driven = device.obey('{"get": "state"}')["driven"]
+    if len(relay) != 1 or relay[0][1] or driven:
+        case.verdict = FAILED
+        case.said.append(f"the relay after {began}: {relay}; {driven} V driven")
+        return
+    off = (relay[0][0] - began) * 1e3
+    case.rows.append(f"kernel panic: amplifiers off after {off:.0f} ms ({(relay[0][0] - edges[-1]) * 1e3:.0f} ms after "
+                     "the last edge), and with the computer off")
+    case.verdict = PASSED if off < bound else FAILED
+    if case.verdict == FAILED:
+        case.said.append(f"off after {off:.0f} ms; less than {bound:.0f} ms are wanted")
+
+
 OUTSIDE = {
     "TicGuest": {"tic": ("pololu_tic", [])},
     "PanicGuest": {"usb3103": ("usb3103", ["reply_size=64"])},
     "SleepGuest": {"usb3103": ("usb3103", ["reply_size=64"])},
+    "HeartbeatOutsideGuest": {"usb3103": ("usb3103", ["reply_size=64"])},
 }
-PANIC = {"PanicGuest": 0}  # the kernel stands still for ever, as a laboratory's computer does
-COMPRESSED = {"SleepGuest"}  # resume from S3 resets a machine that was started from the bare ELF file
-JUDGES = {"PanicGuest": judge_panic}
+PANIC = {"PanicGuest": 0, "HeartbeatOutsideGuest": 0}  # the kernel stands still for ever, as a laboratory's computer does
+COMPRESSED = {"SleepGuest", "HeartbeatOutsideGuest"}  # resume from S3 resets a machine that was started from the bare ELF file
+JUDGES = {"PanicGuest": judge_panic, "HeartbeatOutsideGuest": judge_heartbeat_panic}
 # Suites that share the machine of another one: starting one costs as much as several cases.
 WITH = {"RescueUsb3103Guest": ["RescueLampGuest"], "Usb3103Guest": ["SerialGuest", "OperatorGuest"]}
 FIRST = ["SleepGuest", "RescueUsb3103Guest", "RescueBopGuest"]  # the longest

@@ -76,13 +76,17 @@ const std::vector<double> kOne{1, 1}, kZero{0, 0};
 struct HeartbeatLineTest : testing::Test {
   HeartbeatLineTest() {
     interlock->beat_on(line, {});
-    interlock->on_trip([this](const Interlock::Trip& trip) { trips.push_back(trip.why); });
+    interlock->on_trip([this](const Interlock::Trip& trip) {
+      trips.push_back(trip.why);
+      broken = trip.broken;
+    });
   }
   std::unique_ptr<Clock> clock = virtual_clock();
   WiredLine line{*clock};
   Amplifier amplifier{line};
   InterlockLimits limits{};
   std::vector<std::string> trips;
+  bool broken = false;  // the last one: it aborts the run
   std::unique_ptr<Interlock> interlock =
       std::make_unique<Interlock>(amplifier, limits, clock.get());
 
@@ -199,6 +203,7 @@ TEST_F(HeartbeatLineTest, DoesNotSwitchOnAgainAfterAPauseOfTheWholeProgram) {
   EXPECT_EQ(amplifier.flows(), 0);
   EXPECT_EQ(amplifier.set, kZero);
   EXPECT_TRUE(tripped_for("heartbeat line")) << (trips.empty() ? "no trip" : trips.back());
+  EXPECT_TRUE(broken) << "a run that only waits would go on";
   EXPECT_THROW(interlock->set_currents(kOne), DeviceError);
   interlock->enable();
   interlock->set_currents(kOne);
