@@ -198,7 +198,7 @@ return {
     if #errors > 0 then
       book:number {
         id = "6.7.error",
-        what = "how far from them, by truth or the side camera, mean",
+        what = "how far from them, by the " .. select(2, judge.reference(run)) .. ", mean",
         thesis = 266 * um,
         ours = statistics.mean(errors),
         unit = "m",

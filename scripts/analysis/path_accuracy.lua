@@ -16,10 +16,16 @@ local function mean_and_max(mean, deviation, max) return { in_um(mean) .. " ± "
 -- Whether the record has a stream; no sample of it is read.
 local function recorded(run, stream) return run:samples(stream, {}, { from = run:now() }) ~= nil end
 
---- Which stream tells where the robot really was, and what to call it.
+local told = false -- in this run
+
+--- Which stream tells where the robot really was, and what to call it. Where that is not the truth, the record says so once.
 function judge.reference(run)
   if recorded(run, "truth") then return "truth", "simulator's truth" end
-  if recorded(run, "side_camera") then return "side_camera", "side camera" end
+  if recorded(run, "side_camera") then
+    if not told then run:note("errors are judged by the side camera, in x and z: there is no truth here") end
+    told = true
+    return "side_camera", "side camera"
+  end
   error("there is neither a truth nor a side camera to judge by", 2)
 end
 
