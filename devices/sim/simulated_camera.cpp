@@ -72,12 +72,15 @@ void SimulatedCamera::wait_until(Time due) {
 }
 
 std::string SimulatedCamera::feature(const std::string& name) {
-  return name == "Gain" ? std::to_string(gain_) : Camera::feature(name);
+  if (name != "Gain")
+    throw DeviceError(DeviceErrorKind::refused, info_.identity,
+                      "feature " + name + ": a simulated camera has Gain alone");
+  return std::to_string(gain_);
 }
 
 std::string SimulatedCamera::set_feature(const std::string& name, const std::string& value) {
-  constexpr double kMost = 24;  // dB
-  if (name != "Gain") return Camera::set_feature(name, value);
+  constexpr double kMost = 24;               // dB
+  if (name != "Gain") return feature(name);  // throws
   char* end = nullptr;
   const double wanted = std::strtod(value.c_str(), &end);
   if (value.empty() || *end != '\0' || !(wanted >= 0 && wanted <= kMost))

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <optional>
 
 namespace vitreo::genicam {
@@ -13,7 +14,8 @@ namespace {
 /// Hz of GigE Vision 1's counter; its bootstrap registers hold it in two words where no feature
 /// does. 0: unknown.
 double tick_frequency(ArvCamera* camera, const Features& features) {
-  if (const auto text = features.value_of("GevTimestampTickFrequency")) return std::stod(*text);
+  if (const auto text = features.value_of("GevTimestampTickFrequency"))
+    return std::strtod(text->c_str(), nullptr);  // of what is no number 0
   if (arv_camera_is_gv_device(camera) == FALSE) return 0;
   constexpr std::uint64_t kHigh = 0x093C;
   constexpr std::uint64_t kLow = 0x0940;
@@ -59,8 +61,8 @@ void Latch::compare(const Clock& clock, DeviceClock& device_clock) {
       const Time before = clock.now();
       features_.set(latch_, "");
       const Time after = clock.now();
-      const double ticks = std::stod(features_.value(value_));
-      if (ticks <= 0) return latch_.clear();  // it has the names and no clock
+      const double ticks = std::strtod(features_.value(value_).c_str(), nullptr);
+      if (!(ticks > 0 && ticks * tick_ < 9e18)) return latch_.clear();  // the names, and no clock
       if (best && after - before >= best->after - best->before) continue;
       best = Exchange{Time(static_cast<std::int64_t>(std::llround(ticks * tick_))), before, after};
     }

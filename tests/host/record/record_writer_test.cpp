@@ -9,6 +9,7 @@
 #include "host/record/disk_watch.h"
 #include "host/record/recorder.h"
 #include "host/record/run_lock.h"
+#include "host/runs/run_reader.h"
 #include "tests/host/record/run_fixture.h"
 
 #include <gtest/gtest.h>
@@ -152,6 +153,27 @@ TEST(RecordWriter, GivesItsRowsWhileADiskThatWasGivenUpStillWrites) {
     seen = rows.size();
     for (std::size_t i = 0; i < seen; ++i) ASSERT_EQ(rows[i].number, i);
   }
+}
+
+TEST(RecordWriter, KeepsAllBitsOfAFrameThatHasMoreThanEight) {
+  TemporaryFolder parent;
+  Recorder recorder(parent.path(), servo_start());
+  RecordedCameraInfo info{"top_camera", "test", 1, 0.01, 1e-6};
+  info.bits = 12;
+  info.offset_x_px = 301;
+  const int camera = recorder.add_camera(info);
+  Frame frame = frame_of(noise(8, 8, CV_8UC1, 1), 0);
+  frame.deep = noise(8, 8, CV_16UC1, 2) * 16;
+  frame.bits = 12;
+  recorder.frame(camera, frame);
+  recorder.finish({Outcome::completed, "", 1, 1});
+  const RunData data = read_run(recorder.folder());
+  ASSERT_EQ(data.frames.size(), 1U);
+  EXPECT_EQ(data.cameras.at(0).bits, 12);
+  EXPECT_EQ(data.cameras.at(0).offset_x_px, 301);
+  const cv::Mat kept = read_frame(data, data.frames[0]);
+  ASSERT_EQ(kept.type(), CV_16UC1);
+  EXPECT_EQ(cv::norm(kept, frame.deep, cv::NORM_INF), 0);
 }
 
 TEST(RecordWriter, DropsFramesInRealTimeCountsThemAndRaisesAnAlarm) {
