@@ -7,6 +7,7 @@
 #include "devices/links/hid_link.h"
 #include "devices/links/serial_link.h"
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -24,19 +25,19 @@ struct ByteRescue {
   SerialSettings line;  ///< where the settings have no baud_rate
   /// Whether such an instrument answers, by a question that sets nothing: for a line that may lead
   /// elsewhere by now. Throws DeviceError.
-  bool (*answers)(ByteLink& link);
+  std::function<bool(ByteLink& link)> answers;
   /// Zero to all of them before any answer is read; then reads back. Throws DeviceError when one
   /// did not take it; the others have had theirs.
-  void (*zero)(const std::vector<std::unique_ptr<ByteLink>>& links);
+  std::function<void(const std::vector<std::unique_ptr<ByteLink>>& links)> zero;
 };
 
 struct HidRescue {
   /// Zero without waiting for an answer; then asks. Throws DeviceError.
-  void (*zero)(HidLink& link, const RescueSettings& settings, Clock& clock);
+  std::function<void(HidLink& link, const RescueSettings& settings, Clock& clock)> zero;
 };
 
 struct Rescue {
-  std::string_view driver;            ///< as in the rig file
+  std::string driver;                 ///< as in the rig file
   std::vector<std::string> settings;  ///< keys of the rig file that it wants, where they are there
   std::variant<ByteRescue, HidRescue> way;
   /// Throws std::invalid_argument for a setting that cannot be: before anything is energized.

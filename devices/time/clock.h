@@ -61,6 +61,9 @@ class Clock {
   /// time. Under the wall clock the other tasks go on meanwhile, so `work` touches nothing of
   /// theirs. Not a wait: it does not throw Stopped.
   virtual void outside(const std::function<void()>& work) { work(); }
+  /// Within the `work` of outside(): the task takes its turn back for `some`, which may wait like
+  /// any code of a task; afterwards it is outside again. Throws Stopped where `some` waits.
+  virtual void inside(const std::function<void()>& some) { some(); }
   /// Starts a task; among tasks due at the same time the alphabetical order of the names decides.
   virtual std::unique_ptr<Task> spawn(std::string name, std::function<void()> body) = 0;
   /// The constructing thread's task: its current or next wait throws Stopped, once.

@@ -63,6 +63,9 @@ struct WallEntry : TaskEntry {
   bool notified = false;
 };
 
+/// Of the thread's task, while it is outside(); else null.
+thread_local WallEntry* away = nullptr;
+
 class WallClock final : public Clock {
  public:
   WallClock() {
@@ -77,6 +80,7 @@ class WallClock final : public Clock {
   bool wait(Signal& signal, const std::function<bool()>& ready, Time deadline) override;
   void notify(Signal& signal) override;
   void outside(const std::function<void()>& work) override;
+  void inside(const std::function<void()>& some) override;
   std::unique_ptr<Task> spawn(std::string name, std::function<void()> body) override;
   void interrupt() noexcept override { interrupted_ = true; }
   bool set_deaf(bool deaf) override { return std::exchange(running().deaf, deaf); }
@@ -219,14 +223,34 @@ void WallClock::outside(const std::function<void()>& work) {
   struct Return {
     WallClock& clock;
     WallEntry& self;
+    WallEntry* before;
     ~Return() {
+      away = before;
       self.baton.lock();
       clock.current_ = &self;
     }
-  } const back{*this, self};
+  } const back{*this, self, std::exchange(away, &self)};
   current_ = nullptr;
   self.baton.unlock();
   work();
+}
+
+void WallClock::inside(const std::function<void()>& some) {
+  WallEntry& self = *away;  // the task's own thread is in outside()
+  self.baton.lock();
+  current_ = &self;
+  struct Leave {
+    WallClock& clock;
+    WallEntry& self;
+    ~Leave() {
+      clock.running();  // where it was displaced it first waits for what it lost
+      clock.current_ = nullptr;
+      self.baton.unlock();
+      away = &self;
+    }
+  } const leave{*this, self};
+  away = nullptr;
+  some();
 }
 
 void WallClock::request_stop(WallEntry& entry) {

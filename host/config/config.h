@@ -37,6 +37,7 @@ struct RigDescription {
   std::vector<RigSource> bases;  // the nearest first
   std::map<std::string, std::size_t>
       from_base{};  // dotted keys that stand in a base and not nearer: which of `bases`
+  std::vector<std::string> folders{};  // of the program's own rigs and instruments
   /// The file in which the key stands; of a key that is nowhere, where its table does.
   RigSource source_of(std::string key) const;
 };
@@ -67,6 +68,9 @@ struct KnownSetting {
   std::vector<std::string> choices{};  // of a choice
 };
 
+/// The text of a key, "" where there is none: before a reader, or beside one.
+std::string text_of(const ConfigTable& table, const std::string& key);
+
 /// Reads one table. Every value read, defaults included, goes into `resolved()`: the rig as it was
 /// used. Borrows the description, and a sub-table's reader borrows its parent's: neither is copied.
 /// Errors are ConfigError.
@@ -92,6 +96,11 @@ class ConfigReader {
   /// A list of texts of any length; empty when it is not there.
   std::vector<std::string> texts(const std::string& key);
   bool has(const std::string& key) const;
+  /// The text of a key, "" where there is none; the key is not read by that.
+  std::string peek(const std::string& key) const { return text_of(table_, key); }
+  /// The file in which the key stands, or its table.
+  std::string file_of(const std::string& key) const { return rig_.source_of(path_ + key).file; }
+  const RigDescription& rig() const { return rig_; }
   /// What is in the table, sorted: for tables whose keys are names that the file chooses.
   std::vector<std::string> keys() const;
   /// A sub-table; empty when it is not there.
@@ -119,9 +128,6 @@ class ConfigReader {
   nlohmann::json own_;                   // of the root
   nlohmann::json* resolved_;             // where this table's values go
 };
-
-/// The text of a key, "" where there is none: before a reader, or beside one.
-std::string text_of(const ConfigTable& table, const std::string& key);
 
 /// The candidate nearest to `word`, or "" when none is near: for "did you mean".
 std::string nearest(const std::string& word, const std::vector<std::string>& candidates);

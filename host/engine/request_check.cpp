@@ -15,9 +15,10 @@ namespace {
 
 /// Every role that the protocol needs is one of the rig. Throws ConfigError.
 void check_needs(const ProtocolDescription& protocol, const std::vector<std::string>& there,
-                 const std::string& rig_file) {
+                 const std::vector<std::string>& kinds, const std::string& rig_file) {
   for (const std::string& role : protocol.needs) {
     if (std::find(there.begin(), there.end(), role) != there.end()) continue;
+    if (std::find(kinds.begin(), kinds.end(), role) != kinds.end()) continue;
     throw ConfigError(fmt::format("{}: {} needs the role '{}', and this rig has only {}", rig_file,
                                   protocol.name, role, fmt::join(there, ", ")));
   }
@@ -47,13 +48,14 @@ std::vector<FramePolicy> frame_policies(const std::vector<std::string>& words,
   return policies;
 }
 
-/// The rig file; the roles that it has.
+/// The rig file; the roles that it has. `kinds`: as check_rig() has it.
 std::vector<std::string> check_place(ScriptEngine& engine, const RunRequest& request,
-                                     CheckedRequest& checked) {
+                                     CheckedRequest& checked,
+                                     std::vector<std::string>* kinds = nullptr) {
   checked.rig = engine.load_rig(request.where.rig_file);
   // Before the bounds are checked: the values in force are those that must be within them.
   take_installed_calibration(checked.rig, request.where.out);
-  return check_rig(checked.rig);
+  return check_rig(checked.rig, kinds);
 }
 
 }  // namespace
@@ -68,9 +70,10 @@ CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
   CheckedRequest checked;
   checked.protocol = engine.describe(request.what.protocol_file);
   checked.arguments = check_arguments(checked.protocol, request.what.arguments);
-  const std::vector<std::string> roles = check_place(engine, request, checked);
+  std::vector<std::string> kinds;
+  const std::vector<std::string> roles = check_place(engine, request, checked, &kinds);
   check_simulated(checked.protocol, checked.rig, request.where.rig_file);
-  check_needs(checked.protocol, roles, request.where.rig_file);
+  check_needs(checked.protocol, roles, kinds, request.where.rig_file);
   checked.frames = frame_policies(request.what.frames, roles);
   return checked;
 }

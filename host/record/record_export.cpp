@@ -2,6 +2,7 @@
 // programs.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/digest.h"
+#include "host/files/png_image.h"
 #include "host/record/disk_alarm.h"
 #include "host/record/parameter_text.h"
 #include "host/record/recorder.h"
@@ -99,8 +100,8 @@ std::string canonical_export(const RunData& data) {
                        one_line(event.text));
   }
   for (const Picture& picture : data.pictures) {
-    const std::string_view bytes(reinterpret_cast<const char*>(picture.png.data()),
-                                 picture.png.size());
+    const std::vector<unsigned char>& png = picture.png->bytes();
+    const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
     out += "picture " + one_line(picture.name) + " " + sha256(bytes) + "\n";
   }
   for (const LinkRow& row : data.links)

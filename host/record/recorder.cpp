@@ -2,6 +2,7 @@
 #include "host/record/recorder.h"
 
 #include "host/files/manifest.h"
+#include "host/files/png_image.h"
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
 #include "host/plot/plot_layout.h"
@@ -59,21 +60,6 @@ void keep_scripts(const std::filesystem::path& folder, const RunStart& start) {
     for (const nlohmann::json& base : start.rig.value("bases", nlohmann::json::array()))
       if (base.is_object()) keep(base.value("file", ""), base.value("text", ""), "rig_base");
   }
-}
-
-/// PNG holds 8 and 16 bits a channel, gray, BGR or BGRA, without loss.
-std::vector<unsigned char> png_of(const std::string& name, const cv::Mat& image) {
-  const bool depth_fits = image.depth() == CV_8U || image.depth() == CV_16U;
-  const int channels = image.channels();
-  if (image.empty() || image.dims != 2 || !depth_fits ||
-      (channels != 1 && channels != 3 && channels != 4)) {
-    throw std::invalid_argument("picture \"" + name +
-                                "\" must be gray or color, 8 or 16 bit, and not empty");
-  }
-  std::vector<unsigned char> png;
-  if (!cv::imencode(".png", image, png))
-    throw std::runtime_error("picture \"" + name + "\" cannot be made a PNG");
-  return png;
 }
 
 std::string_view as_text(const std::vector<unsigned char>& bytes) {
@@ -286,16 +272,16 @@ void Recorder::table(const Table& table) {
 void Recorder::picture(const std::string& name, const std::string& caption, const cv::Mat& image) {
   state_->must_be_open();
   auto& pictures = state_->data.pictures;
-  // Encoded in the caller's thread: an image that cannot be a PNG is the script's error, at its
-  // line.
-  Picture picture{name, caption, "", png_of(name, image)};
+  // An image that cannot be a PNG is the script's error, at its line; encoded it is by the writer's
+  // thread, for that takes longer than a loop may stand still. The caller may use its buffer again.
+  Picture picture{name, caption, "", std::make_shared<PngImage>(name, image.clone())};
   picture.file = fmt::format("pictures/{:03}_{}.png", pictures.size() + 1, slug(name, "picture"));
   pictures.push_back(picture);
   // The file before its row: a row never names a picture that is not there.
   const auto write = [picture, number = pictures.size() - 1,
                       &folder = state_->data.folder](RecordFile& file) {
     std::filesystem::create_directory(folder / "pictures");
-    write_file(folder / picture.file, as_text(picture.png));
+    write_file(folder / picture.file, as_text(picture.png->bytes()));
     file.picture(number, picture);
   };
   state_->writer.post(write, false);
@@ -379,7 +365,7 @@ void Recorder::State::write_outputs() {
     if (std::filesystem::exists(data.folder / one.file)) continue;
     try_to("picture", [&] {
       std::filesystem::create_directory(data.folder / "pictures");
-      write_file(data.folder / one.file, as_text(one.png));
+      write_file(data.folder / one.file, as_text(one.png->bytes()));
     });
   }
   if (report) try_to("report", [&] { write_file(data.folder / "report.html", report(data)); });

@@ -10,11 +10,14 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace vitreo {
+
+class PngImage;
 
 /// What was asked.
 struct RunStart {
@@ -79,7 +82,7 @@ struct Picture {
   std::string name;
   std::string caption;
   std::string file;  // below the run's folder
-  std::vector<unsigned char> png;
+  std::shared_ptr<PngImage> png;  // never null
 };
 
 struct Table {

@@ -5,6 +5,7 @@
 #include "devices/contract/coil_amplifier.h"
 #include "devices/contract/current_sensor.h"
 #include "devices/contract/field_probe.h"
+#include "devices/contract/instrument.h"
 #include "devices/contract/lamp.h"
 #include "devices/contract/lens_mover.h"
 #include "devices/contract/operator_input.h"
@@ -102,6 +103,16 @@ void describe(Json& row, FieldProbe& probe) {
   row["limits"] = {{"axes", probe.info().axes}, {"range", probe.info().range}};
 }
 
+void describe(Json& row, Instrument& instrument) {
+  const InstrumentInfo& info = instrument.info();
+  row["identity"] = to_string(info.identity);
+  row["firmware"] = info.identity.firmware;
+  row["state"] = info.kind + (info.measures.empty() ? "" : " of " + info.measures);
+  row["limits"] = Json::object();
+  for (const QuantityInfo& one : info.quantities) row["quantities"].push_back(one.name);
+  for (const CommandInfo& one : info.commands) row["commands"].push_back(one.name);
+}
+
 /// The rig's roles, each opened by a call of its own.
 class Opening {
  public:
@@ -153,10 +164,22 @@ class Opening {
                        open(role, "stage", settings_.stage, where, visit) ||
                        open(role, "rotation_stage", settings_.rotation_stage, where, visit) ||
                        open(role, "field_probe", settings_.field_probe, where, visit);
-    if (!found) throw ConfigError("the rig has no instrument for the role '" + role + "'");
+    if (found || open_free(role, where, visit)) return;
+    throw ConfigError("the rig has no instrument for the role '" + role + "'");
   }
 
  private:
+  template <class Visit>
+  bool open_free(const std::string& wanted, const RigContext& where, Visit& visit) {
+    for (const FreeRoleSettings& one : settings_.free_roles) {
+      if (one.name != wanted) continue;
+      std::visit([&](const auto& opener) { open(wanted, one.name.c_str(), opener, where, visit); },
+                 one.opener);
+      return true;
+    }
+    return false;
+  }
+
   // The instrument is closed when the visit ends, before the next one is opened: no two are open at
   // the same time.
   template <class Role, class Visit>
@@ -188,6 +211,7 @@ struct Tester {
   void operator()(CurrentSensor& sensor) const { findings = contract::check(sensor); }
   void operator()(Lamp& lamp) const { findings = contract::check(lamp); }
   void operator()(OperatorInput& input) const { findings = contract::check(input, clock); }
+  void operator()(Instrument& instrument) const { findings = contract::check(instrument); }
   template <class Role>
   void operator()(Role&) const {
     throw ConfigError("there is no contract suite for this role yet");

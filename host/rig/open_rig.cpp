@@ -9,6 +9,7 @@
 #include "host/rig/sample.h"
 #include "host/safety/guardian.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -43,6 +44,22 @@ class SimulationCommands final : public Simulation {
   sim::Laboratory& laboratory_;
   const std::uint64_t seed_;
 };
+
+/// What has no safe state is left as it is.
+void make_free_safe(const FreeRole& role) {
+  if (auto* const* instrument = std::get_if<Instrument*>(&role.device)) (*instrument)->make_safe();
+  if (auto* const* stage = std::get_if<Stage*>(&role.device)) (*stage)->make_safe();
+  if (auto* const* stage = std::get_if<RotationStage*>(&role.device)) (*stage)->make_safe();
+}
+
+/// Whether the input says that all is well, and said so lately.
+bool is_closed(const Instrument& input, std::size_t quantity, Time now) {
+  const Instrument::Latest latest = input.latest(quantity);
+  constexpr int kMissed = 3;  // questions without an answer
+  return latest.sample && std::get<bool>(latest.sample->value) &&
+         now - latest.sample->time <=
+             kMissed * input.info().quantities[quantity].every + std::chrono::milliseconds(100);
+}
 
 /// Whose roles are simulated: decides what there is beside the instruments.
 enum class Share { none, some, all };
@@ -98,6 +115,7 @@ class ComposedRig final : public OpenRig {
     if (rig_.lens_mover != nullptr) attempt([&] { rig_.lens_mover->make_safe(); });
     if (rig_.stage != nullptr) attempt([&] { rig_.stage->make_safe(); });
     if (rig_.rotation_stage != nullptr) attempt([&] { rig_.rotation_stage->make_safe(); });
+    for (const FreeRole& one : rig_.free_roles) attempt([&] { make_free_safe(one); });
     return failures;
   }
 
@@ -167,7 +185,37 @@ class ComposedRig final : public OpenRig {
       rig_.rotation_stage = (rotation_stage_ = settings.rotation_stage(where)).device.get();
     if (settings.field_probe)
       rig_.field_probe = (field_probe_ = settings.field_probe(where)).device.get();
+    for (const FreeRoleSettings& one : settings.free_roles) open_free_role(one, where);
     if (guardian_) guardian_watch_ = clock_.spawn("guardian", [this] { watch_guardian(); });
+  }
+
+  void open_free_role(const FreeRoleSettings& settings, const RigContext& where) {
+    std::visit(
+        [&]<class Role>(const Opener<Role>& open) {
+          auto opened = std::make_shared<Opened<Role>>(open(where));
+          Role* device = opened->device.get();
+          free_.push_back(opened);
+          if constexpr (std::is_same_v<Role, Instrument>) {
+            if (settings.guarded && guardian_) {
+              const std::shared_ptr<Instrument> own = guarded(*device, *guardian_, settings.name);
+              free_.push_back(own);
+              device = own.get();
+            }
+            if (settings.kind == "interlock_input") watch_input(settings.name, *device);
+          }
+          rig_.free_roles.push_back({settings.name, settings.kind, device});
+        },
+        settings.opener);
+  }
+
+  /// A chiller's contact, a door: open, gone or silent, it is a condition that does not hold.
+  void watch_input(const std::string& name, const Instrument& input) {
+    if (!interlock_) return;
+    const auto& quantities = input.info().quantities;
+    for (std::size_t i = 0; i < quantities.size(); ++i)
+      if (quantities[i].name == "closed")
+        interlock_->require(name + " is open, or gone",
+                            [this, &input, i] { return is_closed(input, i, clock_.now()); });
   }
 
   /// The line that the heartbeat toggles: the amplifiers' own, or that of another device.
@@ -231,6 +279,7 @@ class ComposedRig final : public OpenRig {
   Opened<Stage> stage_;
   Opened<RotationStage> rotation_stage_;
   Opened<FieldProbe> field_probe_;
+  std::vector<std::shared_ptr<void>> free_;  // opened, and what guards it, in the order of birth
   Rig rig_;
   std::function<void(const std::string&)> on_unguarded_;
   std::unique_ptr<Task> guardian_watch_;  // last: it uses the others
@@ -274,6 +323,20 @@ void keep_simulated_cameras(const RigDescription& rig, sim::LaboratorySettings& 
 
 }  // namespace
 
+bool Rig::has(const std::string& need) const {
+  const std::vector<std::string> names = roles();
+  if (std::find(names.begin(), names.end(), need) != names.end()) return true;
+  const std::size_t colon = need.find(':');
+  for (const FreeRole& one : free_roles) {
+    if (one.kind != need.substr(0, colon)) continue;
+    auto* const* instrument = std::get_if<Instrument*>(&one.device);
+    if (colon == std::string::npos ||
+        (instrument != nullptr && (*instrument)->info().measures == need.substr(colon + 1)))
+      return true;
+  }
+  return false;
+}
+
 std::vector<std::string> Rig::roles() const {
   std::vector<std::string> names;
   if (coils != nullptr) names.emplace_back("coils");
@@ -288,6 +351,8 @@ std::vector<std::string> Rig::roles() const {
   if (side_camera != nullptr) names.emplace_back("side_camera");
   if (stage != nullptr) names.emplace_back("stage");
   if (top_camera != nullptr) names.emplace_back("top_camera");
+  for (const FreeRole& one : free_roles) names.push_back(one.name);
+  std::sort(names.begin(), names.end());
   return names;
 }
 

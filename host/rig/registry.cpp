@@ -108,6 +108,12 @@ const std::vector<DriverEntry<CurrentSensor>>& drivers() {
   return entries;
 }
 
+template <>
+const std::vector<DriverEntry<Instrument>>& drivers() {
+  static const std::vector<DriverEntry<Instrument>> none;
+  return none;
+}
+
 namespace {
 
 template <class Role>
@@ -175,11 +181,13 @@ bool is_simulated(const ConfigTable& role) {
 
 std::vector<std::string> roles_that_are(bool simulated, const RigDescription& description) {
   std::vector<std::string> roles;
-  for (const std::string& role : role_names()) {
-    const auto found = description.table.find(role);
-    const auto* const table =
-        found == description.table.end() ? nullptr : std::get_if<ConfigTable>(&found->second.value);
-    if (table != nullptr && is_simulated(*table) == simulated) roles.push_back(role);
+  const std::vector<std::string>& fixed = role_names();
+  for (const auto& [name, value] : description.table) {
+    const auto* const table = std::get_if<ConfigTable>(&value.value);
+    if (table == nullptr) continue;
+    const bool role = std::find(fixed.begin(), fixed.end(), name) != fixed.end() ||
+                      !text_of(*table, "driver").empty();
+    if (role && is_simulated(*table) == simulated) roles.push_back(name);
   }
   return roles;
 }

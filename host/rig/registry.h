@@ -12,6 +12,7 @@
 #include "devices/roles/current_sensor.h"
 #include "devices/roles/enable_line.h"
 #include "devices/roles/field_probe.h"
+#include "devices/roles/instrument.h"
 #include "devices/roles/lamp.h"
 #include "devices/roles/lens_mover.h"
 #include "devices/roles/operator_input.h"
@@ -23,6 +24,7 @@
 #include "host/rig/link_load.h"
 #include "host/rig/opening_error.h"
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <string>
@@ -123,6 +125,9 @@ template <>
 const std::vector<DriverEntry<EnableLine>>& drivers();
 template <>
 const std::vector<DriverEntry<CurrentSensor>>& drivers();
+/// Empty: instruments of free kinds are Lua files.
+template <>
+const std::vector<DriverEntry<Instrument>>& drivers();
 
 /// A driver by its name in rig files, with how its instruments are found.
 struct IdentifiedDriver {
@@ -142,14 +147,35 @@ bool is_recording(const std::string& address);
 /// The address of a USB or HID instrument; `scheme` is "usb" or "hid". Throws ConfigError.
 UsbAddress read_usb_address(const InstrumentReader& instrument, const std::string& scheme);
 
+/// Whether the driver of a role's table is no name of the registry but an instrument's Lua file
+/// (host/rig/instrument_file.h).
+bool names_instrument_file(const ConfigReader& reader);
+/// Reads the settings that such a file declares; the kind that it declares must be the role's.
+/// Throws ConfigError, with the file's line where that is wrong. Defined for every role.
+template <class Role>
+Opener<Role> read_scripted(const InstrumentReader& instrument);
+
+/// Where a rig file names none; "" where there is none.
+template <class Role>
+std::string usual_driver() {
+  return drivers<Role>().empty() ? "" : drivers<Role>().front().name;
+}
+
 /// Reads `driver`, `address` and what that driver wants, and adds its commands' costs to `links`;
 /// `usual` is the driver where the rig file names none. The caller finishes the reader.
 template <class Role>
 Opener<Role> read_instrument(ConfigReader& reader, const std::string& role,
                              sim::LaboratorySettings& laboratory, LinkLoads& links,
-                             const std::string& usual = drivers<Role>().front().name) {
+                             const std::string& usual = usual_driver<Role>()) {
   std::vector<std::string> names;
   for (const auto& entry : drivers<Role>()) names.emplace_back(entry.name);
+  const std::string named = reader.peek("driver");
+  if (std::find(names.begin(), names.end(), named) == names.end() &&
+      names_instrument_file(reader)) {
+    reader.text("driver", "");
+    const InstrumentReader instrument{reader, role, read_address(reader), laboratory, links};
+    return explained(instrument, read_scripted<Role>(instrument));
+  }
   const std::string wanted = reader.choice("driver", usual, names);
   const InstrumentReader instrument{reader, role, read_address(reader), laboratory, links};
   for (const auto& entry : drivers<Role>())

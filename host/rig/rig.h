@@ -8,6 +8,7 @@
 #include "devices/roles/current_sensor.h"
 #include "devices/roles/enable_line.h"
 #include "devices/roles/field_probe.h"
+#include "devices/roles/instrument.h"
 #include "devices/roles/lamp.h"
 #include "devices/roles/lens_mover.h"
 #include "devices/roles/operator_input.h"
@@ -24,6 +25,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 namespace vitreo {
@@ -70,6 +72,13 @@ class Simulation {
   virtual void move_body(const std::string& name, const Eigen::Vector3d& position) = 0;
 };
 
+/// An instrument under a name that the rig file chose: a second stage, a heater, a pump.
+struct FreeRole {
+  std::string name;
+  std::string kind;  // "stage", "rotation_stage", "field_probe", "operator_input", or a free kind
+  std::variant<Instrument*, Stage*, RotationStage*, FieldProbe*, OperatorInput*> device;
+};
+
 /// Borrowed instruments; null where the rig has none.
 struct Rig {
   std::string title;
@@ -86,6 +95,7 @@ struct Rig {
   Stage* stage = nullptr;
   RotationStage* rotation_stage = nullptr;
   FieldProbe* field_probe = nullptr;
+  std::vector<FreeRole> free_roles;   // sorted by name
   PoseSensor* pose_sensor = nullptr;  // simulated rigs only: the one role that gives the truth
   Simulation* simulation = nullptr;   // null as soon as one role is real
   RigModel model;
@@ -94,6 +104,8 @@ struct Rig {
   std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each
   /// The names of the roles that are there and a script can use, sorted.
   std::vector<std::string> roles() const;
+  /// Whether it has what a protocol asks for: a role, or a kind, "sensor", "sensor:temperature".
+  bool has(const std::string& need) const;
 };
 
 /// Gives a run the light that the rig file says; opening a rig leaves the lamp dark. Throws

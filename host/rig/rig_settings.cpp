@@ -5,6 +5,7 @@
 #include "devices/instruments/rescues.h"
 #include "host/config/rights.h"
 #include "host/rig/calibrations.h"
+#include "host/rig/instrument_file.h"
 #include "host/rig/plant_settings.h"
 #include "optics/system/prescriptions.h"
 
@@ -152,12 +153,15 @@ void read_guardian(ConfigReader& reader, RigSettings& settings) {
   if (!wanted || address == "emulated") return;
   guardian::Output output{reader.resolved().at("driver").get<std::string>(), address};
   const Rescue* const rescue = find_rescue(output.driver);
-  if (rescue == nullptr)
+  output.script = rescue_text(reader);
+  if (rescue == nullptr && output.script.empty())
     reader.fail("driver", "\"" + output.driver +
                               "\" has no rescue, so the guardian cannot bring it to zero; guardian "
                               "= false leaves it unguarded");
   // Read back from the resolved table: the defaults of the driver's own reader are in it too.
-  for (const std::string& key : rescue->settings)
+  const std::vector<std::string> wants =
+      rescue == nullptr ? std::vector<std::string>{"baud_rate"} : rescue->settings;
+  for (const std::string& key : wants)
     if (const auto found = reader.resolved().find(key); found != reader.resolved().end())
       output.settings[key] = found->get<double>();
   settings.guarded.push_back(output);
@@ -287,6 +291,83 @@ void read_lamp(ConfigReader reader, RigSettings& settings) {
   reader.finish();
 }
 
+/// The kinds, other than instruments of one Lua file, of which a rig can have several.
+struct Several {
+  const char* kind;
+  bool (*has)(const std::string& driver);
+};
+template <class Role>
+bool has_driver(const std::string& driver) {
+  const auto& all = drivers<Role>();
+  return std::any_of(all.begin(), all.end(),
+                     [&](const DriverEntry<Role>& one) { return one.name == driver; });
+}
+constexpr Several kSeveral[] = {{"stage", has_driver<Stage>},
+                                {"rotation_stage", has_driver<RotationStage>},
+                                {"field_probe", has_driver<FieldProbe>},
+                                {"operator_input", has_driver<OperatorInput>}};
+
+/// The kind of a free role: what its Lua file declares, what its table says, or the only one that
+/// has a driver of that name.
+std::string kind_of(ConfigReader& reader, std::string& measures) {
+  if (const auto file =
+          find_instrument_file(reader.rig(), reader.file_of("driver"), reader.peek("driver"))) {
+    const scripted::Loaded loaded = load_instrument(*file);
+    measures = loaded.declaration.measures;
+    return loaded.declaration.kind;
+  }
+  std::vector<std::string> kinds;
+  for (const Several& one : kSeveral)
+    if (one.has(reader.peek("driver"))) kinds.emplace_back(one.kind);
+  if (kinds.empty()) {
+    std::vector<std::string> names = instrument_file_names(reader.rig());
+    const std::string near = nearest(reader.peek("driver"), names);
+    reader.fail("driver", "\"" + reader.peek("driver") +
+                              "\" is neither a driver nor the name of an instrument's Lua file" +
+                              (near.empty() ? "" : "; did you mean " + near + "?"));
+  }
+  return kinds.size() == 1 ? kinds.front() : reader.choice("kind", kinds.front(), kinds);
+}
+
+/// heater = { driver = "tc038d", address = "serial:..." }: a role under a name of the file's own.
+void read_free_role(ConfigReader reader, const std::string& name, RigSettings& settings) {
+  FreeRoleSettings role{.name = name, .kind{}, .measures{}, .opener{}};
+  role.kind = kind_of(reader, role.measures);
+  const auto read = [&]<class Role>(Opener<Role>*) {
+    role.opener = read_instrument<Role>(reader, name, settings.laboratory, settings.links);
+  };
+  if (role.kind == "stage") {
+    read(static_cast<Opener<Stage>*>(nullptr));
+  } else if (role.kind == "rotation_stage") {
+    read(static_cast<Opener<RotationStage>*>(nullptr));
+  } else if (role.kind == "field_probe") {
+    read(static_cast<Opener<FieldProbe>*>(nullptr));
+  } else if (role.kind == "operator_input") {
+    read(static_cast<Opener<OperatorInput>*>(nullptr));
+  } else if (scripted::is_free(role.kind)) {
+    read(static_cast<Opener<Instrument>*>(nullptr));
+    const std::size_t before = settings.guarded.size();
+    if (!rescue_text(reader).empty()) read_guardian(reader, settings);
+    role.guarded = settings.guarded.size() > before;
+  } else {
+    reader.fail("driver", "is of the kind " + role.kind +
+                              ": a rig has one of these, under the name " + role.kind);
+  }
+  reader.finish();
+  settings.free_roles.push_back(std::move(role));
+}
+
+/// Tables of names that are no role's, and have a driver.
+void read_free_roles(ConfigReader& reader, RigSettings& settings) {
+  const std::vector<std::string>& fixed = role_names();
+  for (const std::string& key : reader.keys()) {
+    const auto* const table = std::get_if<ConfigTable>(&reader.rig().table.at(key).value);
+    if (table == nullptr || std::find(fixed.begin(), fixed.end(), key) != fixed.end()) continue;
+    if (text_of(*table, "driver").empty()) continue;
+    read_free_role(reader.table(key), key, settings);
+  }
+}
+
 void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
   reader.choice("driver", "simulated", {"simulated"});
   sim::PoseSensorSettings& sensor = settings.pose_sensor.emplace();
@@ -368,6 +449,7 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("stage")) read_stage(reader.table("stage"), settings);
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);
   read_role(reader, "field_probe", settings, settings.field_probe);
+  read_free_roles(reader, settings);
   share_with_laboratory(settings);
   read_plant(reader.table("truth"), settings.laboratory, settings.calibration);
   add_target(settings);
@@ -411,7 +493,7 @@ void check_addresses(const RigDescription& rig) {
 // Everything that can be wrong without opening an instrument: a request is checked by this before
 // anything is touched. limits.check() is the interlock's own, which would otherwise throw when the
 // coils are open already.
-std::vector<std::string> check_rig(const RigDescription& rig) {
+std::vector<std::string> check_rig(const RigDescription& rig, std::vector<std::string>* kinds) {
   ConfigReader reader(rig);
   const RigSettings settings = read_rig_settings(reader);
   check_addresses(rig);
@@ -428,6 +510,13 @@ std::vector<std::string> check_rig(const RigDescription& rig) {
   std::vector<std::string> roles;
   for (const std::string& role : role_names())
     if (reader.has(role)) roles.push_back(role);
+  for (const FreeRoleSettings& one : settings.free_roles) {
+    roles.push_back(one.name);
+    if (kinds == nullptr) continue;
+    kinds->push_back(one.kind);
+    if (!one.measures.empty()) kinds->push_back(one.kind + ":" + one.measures);
+  }
+  std::sort(roles.begin(), roles.end());
   return roles;
 }
 

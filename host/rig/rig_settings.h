@@ -13,9 +13,21 @@
 
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 namespace vitreo {
+
+/// A role whose name the rig file chose.
+struct FreeRoleSettings {
+  std::string name;
+  std::string kind;
+  std::string measures;  // of a sensor or an actuator: "temperature"
+  std::variant<Opener<Instrument>, Opener<Stage>, Opener<RotationStage>, Opener<FieldProbe>,
+               Opener<OperatorInput>>
+      opener;
+  bool guarded = false;  // the guardian brings it to its safe state
+};
 
 struct RigSettings {
   std::string title;
@@ -47,6 +59,7 @@ struct RigSettings {
   Opener<FieldProbe> field_probe;
   Opener<Lamp> lamp;
   double lamp_level = 0;  // from the begin of a run on
+  std::vector<FreeRoleSettings> free_roles;  // sorted by name
   std::uint32_t dead_man_pedals =
       0;                  // a bit a pedal that must be held while the coils are energized; 0: none
   bool guardian = false;  // a process that watches the host
@@ -58,7 +71,9 @@ RigSettings read_rig_settings(ConfigReader& reader);
 
 /// The roles that a rig file gives its instruments to, sorted, once all of it was found within its
 /// bounds. Opens nothing. Throws ConfigError.
-std::vector<std::string> check_rig(const RigDescription& rig);
+/// `kinds`, where it is not null, gets what its free roles are: "sensor", "sensor:temperature".
+std::vector<std::string> check_rig(const RigDescription& rig,
+                                   std::vector<std::string>* kinds = nullptr);
 
 /// Every setting that this rig's roles and drivers read, with defaults and bounds, as far as the
 /// rig is read without an error. Keys that a driver reads only where the file has them are there

@@ -2,6 +2,7 @@
 #include "host/runs/report.h"
 
 #include "host/files/digest.h"
+#include "host/files/png_image.h"
 #include "host/plot/plot_layout.h"
 #include "host/plot/plot_svg.h"
 #include "host/record/parameter_text.h"
@@ -189,7 +190,7 @@ std::string picture_grid(const RunData& data) {
   for (const Picture& picture : data.pictures) {
     const std::string caption = picture.caption.empty() ? picture.name : picture.caption;
     out += "<figure><img alt=\"" + escape_markup(picture.name) +
-           "\" src=\"data:image/jpeg;base64," + base64(small_jpeg(picture.png)) +
+           "\" src=\"data:image/jpeg;base64," + base64(small_jpeg(picture.png->bytes())) +
            "\"><figcaption>" + escape_markup(caption) + "</figcaption></figure>\n";
   }
   return section("Pictures", out.empty() ? "" : "<div class=\"pictures\">\n" + out + "</div>\n");

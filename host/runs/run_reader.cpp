@@ -2,6 +2,7 @@
 #include "host/runs/run_reader.h"
 
 #include "host/files/ndtiff.h"
+#include "host/files/png_image.h"
 #include "host/files/posix_file.h"
 #include "host/files/sqlite.h"
 #include "host/record/record_json.h"
@@ -171,12 +172,13 @@ void read_results(Database& database, RunData& data) {
           });
   rows_of(database, "SELECT name, caption, file FROM picture ORDER BY seq",
           [&](const Statement& row) {
-            Picture picture{row.text(0), row.text(1), inside(data, row.text(2)), {}};
-            if (fs::is_regular_file(data.folder / picture.file)) {
-              const std::string bytes = read_whole_file(data.folder / picture.file);
-              picture.png.assign(bytes.begin(), bytes.end());
-            }
-            data.pictures.push_back(std::move(picture));
+            const std::string file = inside(data, row.text(2));
+            std::string bytes;
+            if (fs::is_regular_file(data.folder / file)) bytes = read_whole_file(data.folder / file);
+            data.pictures.push_back(
+                {row.text(0), row.text(1), file,
+                 std::make_shared<PngImage>(
+                     std::vector<unsigned char>(bytes.begin(), bytes.end()))});
           });
 }
 

@@ -109,6 +109,37 @@ class GuardedLamp final : public Lamp {
   Guardian& guardian_;
 };
 
+class GuardedInstrument final : public Instrument {
+ public:
+  GuardedInstrument(Instrument& instrument, Guardian& guardian, std::string role)
+      : instrument_(instrument), guardian_(guardian), role_(std::move(role)) {}
+  const InstrumentInfo& info() const override { return instrument_.info(); }
+  QuantitySample read(std::size_t index, Time timeout) override {
+    return instrument_.read(index, timeout);
+  }
+  void set(std::size_t index, const QuantityValue& value) override {
+    guardian_.arm(role_);
+    instrument_.set(index, value);
+  }
+  void command(std::size_t index, const std::vector<QuantityValue>& arguments) override {
+    guardian_.arm(role_);
+    instrument_.command(index, arguments);
+  }
+  Latest latest(std::size_t index) const override { return instrument_.latest(index); }
+  void on_sample(std::function<void(const QuantitySample&)> listener) override {
+    instrument_.on_sample(std::move(listener));
+  }
+  void make_safe() override {
+    instrument_.make_safe();
+    guardian_.disarm(role_);
+  }
+
+ private:
+  Instrument& instrument_;
+  Guardian& guardian_;
+  const std::string role_;
+};
+
 }  // namespace
 
 // In a systemd scope of its own where there is a systemd that makes one, else as a plain child,
@@ -257,6 +288,11 @@ std::unique_ptr<CoilAmplifier> guarded(CoilAmplifier& amplifier, Guardian& guard
 }
 std::unique_ptr<Lamp> guarded(Lamp& lamp, Guardian& guardian) {
   return std::make_unique<GuardedLamp>(lamp, guardian);
+}
+
+std::unique_ptr<Instrument> guarded(Instrument& instrument, Guardian& guardian,
+                                    const std::string& role) {
+  return std::make_unique<GuardedInstrument>(instrument, guardian, role);
 }
 
 }  // namespace vitreo

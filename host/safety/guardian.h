@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/roles/coil_amplifier.h"
+#include "devices/roles/instrument.h"
 #include "devices/roles/lamp.h"
 #include "host/safety/guardian/wire.h"
 #include "host/safety/sleep_inhibitor.h"
@@ -68,5 +69,9 @@ class Guardian {
 std::unique_ptr<CoilAmplifier> guarded(CoilAmplifier& amplifier, Guardian& guardian);
 /// The same of the light: a lamp's supply goes on shining into the eye when its host is dead.
 std::unique_ptr<Lamp> guarded(Lamp& lamp, Guardian& guardian);
+/// The same of an instrument of a free kind, under its role's name: from the first command or
+/// setting on, until it was made safe.
+std::unique_ptr<Instrument> guarded(Instrument& instrument, Guardian& guardian,
+                                    const std::string& role);
 
 }  // namespace vitreo

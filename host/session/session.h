@@ -9,6 +9,7 @@
 #include "host/servo/observers.h"
 #include "host/session/alarms.h"
 #include "host/session/frame_recording.h"
+#include "host/session/instrument_record.h"
 #include "host/session/operator_desk.h"
 #include "host/session/operator_targets.h"
 #include "host/session/progress_listener.h"
@@ -50,7 +51,8 @@ class Session {
         listener(a_listener),
         seed(a_seed),
         alarms(a_clock),
-        frames(a_clock, a_rig, a_recorder) {
+        frames(a_clock, a_rig, a_recorder),
+        instruments_(a_rig, a_recorder) {
     recorder.on_alarm([this](const std::string& name, AlarmPriority priority,
                              const std::string& text) { raise(name, priority, text); });
   }
@@ -89,6 +91,7 @@ class Session {
   SideObservationBuffer* side_observations() { return side_observations_.get(); }
 
  private:
+  const InstrumentRecord instruments_;
   std::unique_ptr<SideObservationBuffer> side_observations_;  // before the observers that use it
   std::vector<std::unique_ptr<Task>> observers_;
 };

@@ -129,6 +129,12 @@ inline const std::vector<Row> kTable{
     {"devices/links/hidapi_link.cpp", {"devices/links/", "devices/time/"}, {}, {"hidapi.h"}},
     {"devices/links/libusb_link.cpp", {"devices/links/", "devices/time/"}, {}, {"libusb.h"}},
     {"devices/links/", {"devices/links/", "devices/time/"}, {}, {}, true},
+    // Instruments of one Lua file: a sandbox of their own, below the host and its Lua.
+    {"devices/scripted/",
+     {"devices/scripted/", "devices/links/", "devices/roles/", "devices/time/",
+      "devices/instruments/stage_driver.h"},
+     {},
+     {"lua.hpp"}},
     {"devices/roles/", {"devices/roles/", "devices/time/"}, {}, kOfDevices, true},
     {"devices/contract/",
      {"devices/contract/", "devices/roles/", "devices/time/"},

@@ -58,7 +58,7 @@ void rescue(HidLink& link, std::optional<int> enable_line, Clock& clock) {
 }
 
 Rescue rescue_row(std::string_view driver) {
-  return {driver,
+  return {std::string(driver),
           {"enable_line"},
           HidRescue{[](HidLink& link, const RescueSettings& settings, Clock& clock) {
             rescue(link, line_of(settings), clock);

@@ -18,7 +18,9 @@ namespace vitreo::lua {
 class YieldPoint {
  public:
   explicit YieldPoint(Clock& clock) : clock_(&clock) {}
-  void operator()() const { clock_->sleep_until(clock_->now()); }
+  void operator()() const {
+    clock_->inside([this] { clock_->sleep_until(clock_->now()); });
+  }
 
  private:
   Clock* clock_;
@@ -26,7 +28,8 @@ class YieldPoint {
 
 /// `return calculate(...)`: the script waits while `compute(breath)` runs, then `push(call,
 /// result)` pushes what it returned. `compute` must own all it uses: the script's objects may be
-/// gone before it notices a stop.
+/// gone before it notices a stop, and under the wall clock it runs without the baton, so that a
+/// long calculation is not the program standing still.
 template <class Compute, class Push>
 int calculate(const Call& call, const std::string& name, Compute compute, Push push) {
   using Result = decltype(compute(std::declval<const YieldPoint&>()));
@@ -35,7 +38,9 @@ int calculate(const Call& call, const std::string& name, Compute compute, Push p
   const YieldPoint breath(session_of(call.L).clock);
   return call.wait(work(
       call, name,
-      [result, breath, compute = std::move(compute)] { result->emplace(compute(breath)); },
+      [result, breath, compute = std::move(compute), &clock = session_of(call.L).clock] {
+        clock.outside([&] { result->emplace(compute(breath)); });
+      },
       kForever, [result, push = std::move(push)](Call& done) { return push(done, **result); }));
 }
 

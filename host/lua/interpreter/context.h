@@ -65,6 +65,7 @@ struct Context {
   std::int64_t reading_left = 0;  // instructions
   double reading_ends = 0;        // s of the thread's own time
 
+  std::vector<std::shared_ptr<const void>> kept;  // what the state's classes are made of
   std::vector<std::function<void()>> closers;  // end what the script left open; in reverse order
   std::vector<int> deferred;                   // references of run:defer's functions
   std::vector<Lap> laps;

@@ -262,9 +262,8 @@ std::map<std::string, ArgumentValue> given_parameters(lua_State* L, int table,
 }
 
 void check_roles(const ProtocolDescription& protocol, const Rig& rig) {
-  const std::vector<std::string> there = rig.roles();
   for (const std::string& role : protocol.needs)
-    if (std::find(there.begin(), there.end(), role) == there.end())
+    if (!rig.has(role))
       throw std::invalid_argument(
           protocol.name + " needs the role '" + role + "', which this rig has not" +
           (protocol.rig.empty() ? "" : "; the rig " + protocol.rig + " has it"));

@@ -273,6 +273,14 @@ void add_role(lua_State* L, const Class& kind, T* device, const char* name) {
   set_field_below(L, name);
 }
 
+/// A role under the name of a function of the rig would never be reached.
+void check_free_name(const std::string& name) {
+  for (const Binding& method : rig_class().methods)
+    if (method.name == name)
+      throw std::invalid_argument("the rig file's role '" + name +
+                                  "' needs another name: rig:" + name + " is a function");
+}
+
 }  // namespace
 
 void set_identity(ResultTable& table, const Identity& identity) {
@@ -466,6 +474,12 @@ void push_rig(lua_State* L, Rig& rig) {
   add_role(L, operator_input_class(), rig.pedal, "pedal");
   add_role(L, lamp_class(), rig.lamp, "lamp");
   add_role(L, simulation_class(), rig.simulation, "simulation");
+  for (const FreeRole& role : rig.free_roles) {
+    check_free_name(role.name);
+    push_free_role(L, role);
+    lua_insert(L, -2);
+    set_field_below(L, role.name.c_str());
+  }
 }
 
 }  // namespace vitreo::lua

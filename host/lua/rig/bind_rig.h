@@ -15,6 +15,9 @@ constexpr double kTalk = 10;  // s: for a few exchanges, each of which has a dea
 
 /// The handle with a field for each role that is there.
 void push_rig(lua_State* L, Rig& rig);
+/// The handle of an instrument under a name of the rig file's own; its methods are made from what
+/// it declares.
+void push_free_role(lua_State* L, const FreeRole& role);
 void push_run(lua_State* L);
 int open_servo(Call& call);
 /// What the rig believes: its eye, its view, its numbers.

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/config/config_lines.h"
+#include "devices/scripted/declaration.h"
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
@@ -270,6 +271,8 @@ void read_needs(const Reader& root, ProtocolDescription& protocol) {
   const std::vector<std::string>& roles = rig_class().fields;
   for (const std::string& need : protocol.needs) {
     if (std::find(roles.begin(), roles.end(), need) != roles.end()) continue;
+    // A kind of which a rig has any number, under names of its own: "sensor:temperature".
+    if (scripted::is_free(need.substr(0, need.find(':')))) continue;
     const std::string near = nearest(need, roles);
     root.fail("needs", "has the role '" + need + "', which is not known" +
                            (near.empty() ? "" : "; did you mean " + near + "?"));

@@ -188,7 +188,9 @@ RigDescription read_with_bases(const Library& library, const std::string& file,
 RigDescription read_rig_file(const Library& library, const std::string& file,
                              const std::vector<std::string>& folders) {
   std::vector<std::string> chain;
-  return read_with_bases(library, file, folders, chain);
+  RigDescription rig = read_with_bases(library, file, folders, chain);
+  rig.folders = folders;
+  return rig;
 }
 
 // From the undermost base upwards: each file overrides what it builds on. The texts are those of

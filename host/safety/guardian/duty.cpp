@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/safety/guardian/duty.h"
 
+#include "devices/instruments/byte_script.h"
 #include "devices/instruments/rescues.h"
 #include "devices/links/address.h"
 #include "devices/time/error.h"
@@ -33,7 +34,8 @@ std::optional<Terminal> terminal_at(const std::string& place) {
   return Terminal{found.st_dev, found.st_ino, found.st_ctim};
 }
 
-const Rescue& rescue_of(const Output& output) {
+Rescue rescue_of(const Output& output) {
+  if (!output.script.empty()) return rescue_by(parse_byte_script(output.script));
   const Rescue* const found = find_rescue(output.driver);
   if (found == nullptr)
     throw std::invalid_argument("the guardian cannot bring a \"" + output.driver + "\" to zero");

@@ -54,7 +54,7 @@ class Duty {
                                  Clock& clock) const;
 
   const Output output_;
-  const Rescue& rescue_;
+  const Rescue rescue_;
   std::vector<Place> places_;  ///< of instruments that talk bytes
 };
 

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace vitreo::guardian {
@@ -34,8 +35,13 @@ struct Output {
   std::string driver;
   std::string address;
   std::map<std::string, double> settings{};
+  /// Of an instrument without a row in devices/instruments/rescues.h: its rescue as text
+  /// (devices/instruments/byte_script.h).
+  std::string script{};
   bool operator==(const Output&) const = default;
 };
+
+constexpr std::string_view kScript = "script:";
 
 /// A line each, fields between tabs. Addresses hold no control characters
 /// (devices/links/address.h).
@@ -45,6 +51,7 @@ inline std::string encode(const std::vector<Output>& outputs) {
   for (const Output& output : outputs) {
     text << output.driver << '\t' << output.address;
     for (const auto& [name, value] : output.settings) text << '\t' << name << '=' << value;
+    if (!output.script.empty()) text << '\t' << kScript << output.script;
     text << '\n';
   }
   return text.str();
@@ -60,6 +67,10 @@ inline std::vector<Output> decode(const std::string& text) {
     if (!std::getline(fields, output.driver, '\t') || !std::getline(fields, output.address, '\t'))
       throw std::invalid_argument("an output is a driver and an address, not: " + line);
     for (std::string field; std::getline(fields, field, '\t');) {
+      if (field.starts_with(kScript)) {
+        output.script = field.substr(kScript.size());
+        continue;
+      }
       const std::size_t at = field.find('=');
       if (at == std::string::npos)
         throw std::invalid_argument("a setting is name=number, not: " + field);

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/scripted/connection.h"
+
+#include <utility>
+
+namespace vitreo::scripted {
+
+Connection::Connection(Loaded loaded, std::unique_ptr<ByteLink> link, const std::string& name,
+                       Clock& clock)
+    : loaded_(std::move(loaded)),
+      dialogue_(std::move(link), name, clock),
+      exchange_(loaded_, dialogue_) {
+  const Dialogue::Turn turn(dialogue_);
+  identity_ = dialogue_.opening([this] { return exchange_.begin(); });
+}
+
+void Connection::be_open() {
+  if (!dialogue_.lost()) return;
+  dialogue_.reopen();
+  try {
+    const Identity now = exchange_.begin();
+    if (now.name != identity_.name || now.serial != identity_.serial)
+      dialogue_.fail(DeviceErrorKind::not_found,
+                     "it was a " + to_string(identity_) + ", and now there is a " + to_string(now));
+  } catch (const DeviceError&) {
+    dialogue_.abandon();
+    throw;
+  }
+}
+
+}  // namespace vitreo::scripted

@@ -1,0 +1,574 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/scripted/declaration.h"
+
+#include "devices/scripted/checksum.h"
+#include "devices/scripted/lua_values.h"
+#include "devices/scripted/table_reader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <set>
+#include <utility>
+
+namespace vitreo::scripted {
+namespace {
+
+constexpr double kHuge = 1e300;
+constexpr double kLongestAnswer = 600;  // s
+
+/// Functions that a role's file has, and which of them it must have.
+struct RoleShape {
+  const char* kind;
+  std::vector<const char*> must{};
+  std::vector<const char*> may{};
+};
+const std::vector<RoleShape>& shapes() {
+  static const std::vector<RoleShape> all{
+      {"stage", {"position", "set_off", "moving", "halt"}, {"home", "homed"}},
+      {"rotation_stage", {"position", "set_off", "moving", "halt"}, {"home", "homed"}},
+      {"lens_mover", {"position", "set_off", "moving", "halt", "home"}, {"homed"}},
+      {"field_probe", {"measure"}, {}},
+      {"current_sensor", {"measure"}, {}},
+      {"coils", {"set_currents"}, {"measured_currents"}},
+      {"lamp", {"set_level"}, {}},
+      {"sensor", {}, {}},
+      {"actuator", {}, {}},
+      {"pump", {}, {}},
+      {"switch", {}, {}},
+      {"interlock_input", {}, {}},
+      {"instrument", {}, {}},
+  };
+  return all;
+}
+
+const RoleShape& shape_of(const std::string& kind) {
+  return *std::find_if(shapes().begin(), shapes().end(),
+                       [&](const RoleShape& one) { return kind == one.kind; });
+}
+
+/// What `settings { ... }` of the file declares, and what it is given.
+struct Asked {
+  Sandbox* sandbox;
+  const UnitLookup* units;
+  const SettingValues* given;
+  std::vector<SettingDeclaration> declared{};
+};
+
+DeclaredUnit read_unit(TableReader& reader, const UnitLookup& units,
+                       const std::string& key = "unit") {
+  const std::string symbol = reader.text(key, "");
+  if (symbol.empty()) return {};
+  const auto found = units(symbol);
+  if (!found) reader.fail(key, "\"" + symbol + "\" is no unit that is known");
+  return *found;
+}
+
+bool is_name(const std::string& text) {
+  return !text.empty() && text.size() <= 40 && (text[0] >= 'a' && text[0] <= 'z') &&
+         std::all_of(text.begin(), text.end(), [](char c) {
+           return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+         });
+}
+
+void check_name(TableReader& reader, const std::string& name) {
+  if (!is_name(name)) reader.fail(name, "a name has small letters, digits and _, at most 40");
+}
+
+/// rate = { 5, unit = "mL/min", min = 0, max = 20, help = "..." }, or rate = 5.
+SettingDeclaration read_setting(TableReader& all, const std::string& name,
+                                const UnitLookup& units) {
+  check_name(all, name);
+  SettingDeclaration setting{.name = name};
+  std::optional<TableReader> reader;
+  try {
+    reader = all.table(name);
+  } catch (const ScriptFault&) {  // its default alone
+    setting.fallback = *all.value(name);
+  }
+  if (reader) {
+    const auto fallback = reader->value("default");
+    if (!fallback) reader->fail("default", "is missing: name = { default = 5, unit = \"mm\" }");
+    setting.fallback = *fallback;
+    setting.unit = read_unit(*reader, units);
+    setting.min = reader->number("min", -kHuge, kHuge).value_or(setting.min);
+    setting.max = reader->number("max", -kHuge, kHuge).value_or(setting.max);
+    setting.choices = reader->texts("choices");
+    setting.help = reader->text("help", "");
+    reader->finish();
+  }
+  setting.type = std::holds_alternative<double>(setting.fallback) ? QuantityType::number
+                 : std::holds_alternative<bool>(setting.fallback) ? QuantityType::flag
+                                                                  : QuantityType::text;
+  return setting;
+}
+
+/// settings { ... } of the file: [table] -> [the values that hold].
+// What is wrong is an error of Lua's, so that it gets its line; nothing is thrown through Lua.
+int declare_settings(lua_State* L) {
+  Asked* const open = *static_cast<Asked**>(lua_touserdata(L, lua_upvalueindex(1)));
+  if (open == nullptr)
+    return luaL_error(L, "settings: is called while the file is read, not later");
+  Asked& asked = *open;
+  std::string problem;
+  try {
+    const Sandbox::HostWork work(*asked.sandbox);
+    if (lua_type(L, 1) != LUA_TTABLE) throw ScriptFault("settings: must be given a table");
+    lua_settop(L, 1);
+    lua_xmove(L, asked.sandbox->stack(), 1);
+    TableReader reader(*asked.sandbox, "settings");
+    lua_newtable(L);
+    for (const std::string& name : reader.keys()) {
+      asked.declared.push_back(read_setting(reader, name, *asked.units));
+      const auto given = asked.given->find(name);
+      push_quantity(L,
+                    given == asked.given->end() ? asked.declared.back().fallback : given->second);
+      lua_setfield(L, -2, name.c_str());
+    }
+    return 1;
+  } catch (const std::exception& error) {
+    problem = error.what();
+  }
+  lua_settop(L, 0);
+  lua_pushlstring(L, problem.data(), problem.size());
+  return lua_error(L);
+}
+
+std::string one_byte(TableReader& reader, const std::string& key) {
+  const std::string text = reader.text(key, "");
+  if (text.size() != 1) reader.fail(key, "must be one byte");
+  return text;
+}
+
+Checksum read_checksum(TableReader& reader) {
+  const std::string name = reader.text("checksum", "none");
+  const std::pair<const char*, Checksum> all[] = {{"none", Checksum::none},
+                                                  {"sum8", Checksum::sum8},
+                                                  {"xor8", Checksum::xor8},
+                                                  {"lrc", Checksum::lrc},
+                                                  {"crc16_modbus", Checksum::crc16_modbus},
+                                                  {"crc16_xmodem", Checksum::crc16_xmodem}};
+  for (const auto& [known, checksum] : all)
+    if (name == known) return checksum;
+  reader.fail("checksum", "must be sum8, xor8, lrc, crc16_modbus or crc16_xmodem");
+}
+
+// terminator = "\r\n", or message = { length = 7 }, { header = 6, rest = function(header) ... },
+// { start = "\2", stop = "\3" }, { quiet = 0.02 }.
+Framing read_framing(TableReader& link) {
+  Framing framing;
+  const std::string both = link.text("terminator", "\n");
+  framing.send_end = link.text("send_terminator", both);
+  framing.receive_end = link.text("receive_terminator", both);
+  if (framing.receive_end.empty()) link.fail("receive_terminator", "must not be empty");
+  framing.most = static_cast<std::size_t>(link.number("longest", 1, 1 << 20).value_or(4096));
+  auto message = link.table("message");
+  if (!message) return framing;
+  if (link.has("terminator")) link.fail("terminator", "is of lines, and message is there too");
+  framing.plain_send = link.has("send_terminator");
+  if (!framing.plain_send) framing.send_end.clear();
+  if (const auto length = message->number("length", 1, 65536)) {
+    framing.kind = Framing::Kind::fixed;
+    framing.length = static_cast<std::size_t>(*length);
+  } else if (const auto header = message->number("header", 1, 256)) {
+    framing.kind = Framing::Kind::header;
+    framing.length = static_cast<std::size_t>(*header);
+    framing.rest = message->function("rest");
+    if (!framing.rest) message->fail("rest", "must be a function(header): how many bytes follow");
+  } else if (message->has("start")) {
+    framing.kind = Framing::Kind::brackets;
+    framing.start = one_byte(*message, "start");
+    framing.stop = one_byte(*message, "stop");
+  } else {
+    framing.kind = Framing::Kind::quiet;
+    framing.quiet = message->seconds("quiet", 0.02, 10);
+  }
+  framing.checksum = read_checksum(*message);
+  message->finish();
+  return framing;
+}
+
+LinkDeclaration read_link(TableReader& all) {
+  LinkDeclaration link;
+  auto reader = all.table("link");
+  if (!reader) all.fail("link", "is missing: link = { baud_rate = 9600, terminator = \"\\n\" }");
+  if (reader->has("buses")) link.buses = reader->texts("buses");
+  SerialSettings& serial = link.serial;
+  serial.baud_rate =
+      static_cast<int>(reader->number("baud_rate", 50, 4e6).value_or(serial.baud_rate));
+  serial.data_bits = static_cast<int>(reader->number("data_bits", 7, 8).value_or(8));
+  const std::string parity = reader->text("parity", "none");
+  if (parity != "none" && parity != "odd" && parity != "even")
+    reader->fail("parity", "must be none, odd or even");
+  serial.parity = parity == "odd" ? Parity::odd : parity == "even" ? Parity::even : Parity::none;
+  serial.rts_cts = reader->flag("rts_cts", false);
+  serial.xon_xoff = reader->flag("xon_xoff", false);
+  link.framing = read_framing(*reader);
+  link.timeout = reader->seconds("timeout", 1, kLongestAnswer);
+  link.pause = reader->seconds("pause", 0, 10);
+  link.opening_pause = reader->seconds("opening_pause", 0, 30);
+  link.echo = reader->flag("echo", false);
+  reader->finish();
+  return link;
+}
+
+QuantityType read_type(TableReader& reader, bool has_choices) {
+  const std::string type = reader.text("type", has_choices ? "text" : "number");
+  if (type == "number") return QuantityType::number;
+  if (type == "flag") return QuantityType::flag;
+  if (type == "text") return QuantityType::text;
+  if (type == "numbers") return QuantityType::numbers;
+  reader.fail("type", "must be number, flag, text or numbers");
+}
+
+/// choices = { "dc", "rms" }, or { dc = "1", rms = "2" }.
+std::map<std::string, std::string> read_choices(TableReader& reader) {
+  std::map<std::string, std::string> choices;
+  auto table = reader.table("choices");
+  if (!table) return choices;
+  for (const std::string& name : table->keys()) {
+    const auto code = table->value(name);
+    if (const auto* text = std::get_if<std::string>(&*code))
+      choices[name] = *text;
+    else if (const auto* number = std::get_if<double>(&*code))
+      choices[name] = std::to_string(static_cast<long long>(*number));
+    else
+      table->fail(name, "must be what the instrument calls it");
+  }
+  if (choices.empty())
+    for (const std::string& name : reader.texts("choices")) choices[name] = name;
+  if (choices.empty()) reader.fail("choices", "must not be empty");
+  return choices;
+}
+
+QuantityInfo read_quantity(TableReader& reader, const std::string& name, const DeclaredUnit& unit,
+                           const std::map<std::string, std::string>& choices) {
+  QuantityInfo info;
+  info.name = name;
+  info.type = read_type(reader, !choices.empty());
+  info.unit = unit.si;
+  info.help = reader.text("help", "");
+  const auto min = reader.number("min", -kHuge, kHuge);
+  const auto max = reader.number("max", -kHuge, kHuge);
+  if (min) info.min = unit.to_si(*min);
+  if (max) info.max = unit.to_si(*max);
+  if (info.min > info.max) reader.fail("min", "is above max");
+  for (const auto& [choice, code] : choices) info.choices.push_back(choice);
+  return info;
+}
+
+PropertyDeclaration read_property(TableReader& all, const std::string& name,
+                                  const UnitLookup& units) {
+  check_name(all, name);
+  auto reader = all.table(name);
+  PropertyDeclaration property;
+  property.unit = read_unit(*reader, units);
+  property.choices = read_choices(*reader);
+  property.info = read_quantity(*reader, name, property.unit, property.choices);
+  property.ask = reader->action("ask");
+  property.set = reader->action("set");
+  property.answer = reader->text("answer", "");
+  property.expects = reader->text("expects", "");
+  property.info.every = reader->seconds("every", 0, 3600);
+  property.info.readable = is_there(property.ask);
+  property.info.settable = is_there(property.set);
+  if (!property.info.readable && !property.info.settable)
+    reader->fail("ask", "neither ask nor set is there: what can be done with it?");
+  if (property.info.every > Time::zero() && !property.info.readable)
+    reader->fail("every", "is of what can be asked for");
+  if (property.info.settable && property.info.type == QuantityType::number &&
+      !std::isfinite(property.info.max - property.info.min))
+    reader->fail("max", "a number that can be set has bounds: min and max");
+  reader->finish();
+  return property;
+}
+
+CommandDeclaration read_command(TableReader& all, const std::string& name,
+                                const UnitLookup& units) {
+  check_name(all, name);
+  auto reader = all.table(name);
+  CommandDeclaration command;
+  command.info.name = name;
+  command.info.help = reader->text("help", "");
+  command.info.longest = reader->seconds("lasts", 10, 86400);
+  command.send = reader->action("send");
+  if (!is_there(command.send)) reader->fail("send", "is missing: a message, or a function(io)");
+  command.expects = reader->text("expects", "");
+  command.done = reader->function("done");
+  for (TableReader& one : reader->list("arguments")) {
+    const std::string argument = one.text("name", "");
+    check_name(one, argument);
+    command.units.push_back(read_unit(one, units));
+    const auto choices = read_choices(one);
+    command.info.arguments.push_back(read_quantity(one, argument, command.units.back(), choices));
+    const QuantityInfo& info = command.info.arguments.back();
+    if (info.type == QuantityType::number && !std::isfinite(info.max - info.min))
+      one.fail("max", "a number has bounds: min and max");
+    one.finish();
+  }
+  reader->finish();
+  return command;
+}
+
+AxisDeclaration read_axis(TableReader& reader, const UnitLookup& units, const char* si) {
+  AxisDeclaration axis;
+  axis.name = reader.text("name", "x");
+  check_name(reader, axis.name);
+  axis.unit = read_unit(reader, units);
+  if (axis.unit.si != si) reader.fail("unit", std::string("must be one of ") + si);
+  const std::vector<double> travel = reader.numbers("travel");
+  if (travel.size() != 2 || travel[0] >= travel[1]) reader.fail("travel", "must be { from, to }");
+  axis.travel_min = axis.unit.to_si(travel[0]);
+  axis.travel_max = axis.unit.to_si(travel[1]);
+  const auto positive = [&](const char* key) {
+    const auto number = reader.number(key, 1e-12, kHuge);
+    if (!number) reader.fail(key, "is missing");
+    return axis.unit.to_si(*number);
+  };
+  axis.max_speed = positive("max_speed");
+  axis.speed = reader.has("speed") ? positive("speed") : axis.max_speed;
+  if (axis.speed > axis.max_speed) reader.fail("speed", "is above max_speed");
+  axis.resolution = positive("resolution");
+  reader.finish();
+  return axis;
+}
+
+void read_axes(TableReader& all, Declaration& declaration, const UnitLookup& units) {
+  const bool rotary = declaration.kind == "rotation_stage";
+  const bool one_axis = rotary || declaration.kind == "lens_mover";
+  if (declaration.kind != "stage" && !one_axis) return;
+  for (TableReader& one : all.list("axes"))
+    declaration.axes.push_back(read_axis(one, units, rotary ? "rad" : "m"));
+  if (declaration.axes.empty())
+    all.fail("axes", "is missing: { { name = \"x\", unit = \"mm\", travel = { 0, 25 }, ... } }");
+  if (one_axis && declaration.axes.size() != 1) all.fail("axes", "must be one");
+  if (declaration.axes.size() > 3) all.fail("axes", "must be three at most");
+}
+
+void read_role_numbers(TableReader& all, Declaration& declaration, const UnitLookup& units) {
+  const std::string& kind = declaration.kind;
+  const auto must = [&](const char* key, double min, double max) {
+    const auto number = all.number(key, min, max);
+    if (!number) all.fail(key, "is missing: " + kind + " wants it");
+    declaration.numbers[key] = *number;
+  };
+  const auto role_unit = [&](const char* si) {
+    declaration.unit = read_unit(all, units);
+    if (declaration.unit.symbol.empty()) declaration.unit.si = si;
+    if (declaration.unit.si != si) all.fail("unit", std::string("must be one of ") + si);
+  };
+  if (kind == "coils" || kind == "current_sensor") role_unit("A");
+  if (kind == "field_probe") role_unit("T");
+  if (kind == "coils" || kind == "lamp")
+    if (!is_there(declaration.make_safe) && declaration.safe.empty())
+      all.fail("make_safe", "is missing: " + kind + " have a safe state");
+  if (kind == "coils") {
+    must("channels", 1, 64);
+    must("current_limit", 1e-3, 1000);  // A
+  }
+  if (kind == "field_probe") {
+    must("axis_count", 1, 3);
+    must("range", 1e-9, 100);  // T
+    if (declaration.numbers["axis_count"] == 2) all.fail("axis_count", "must be 1 or 3");
+  }
+  if (kind == "current_sensor") {
+    for (const double coil : all.numbers("coils"))
+      declaration.coils.push_back(static_cast<int>(coil));
+    const std::set<int> each(declaration.coils.begin(), declaration.coils.end());
+    if (declaration.coils.empty() || each.size() != declaration.coils.size() || *each.begin() < 1)
+      all.fail("coils", "must be the coils that it measures, from 1, no coil twice");
+  }
+}
+
+RescueDeclaration read_rescue(TableReader& all) {
+  RescueDeclaration rescue;
+  auto reader = all.table("rescue");
+  if (!reader) return rescue;
+  rescue.identify = reader->texts("identify");
+  if (rescue.identify.size() != 2)
+    reader->fail("identify", "must be { question, what its answer begins with }");
+  rescue.send = reader->texts("send");
+  if (rescue.send.empty()) reader->fail("send", "must be the messages that bring it to zero");
+  const std::vector<std::string> check = reader->texts("check");
+  if (check.size() % 2 != 0)
+    reader->fail("check", "must be { question, answer wanted, question, answer wanted, ... }");
+  for (std::size_t i = 0; i < check.size(); i += 2)
+    rescue.check.emplace_back(check[i], check[i + 1]);
+  reader->finish();
+  return rescue;
+}
+
+void read_identity(TableReader& all, Declaration& declaration) {
+  if (all.has("identity")) {
+    try {
+      declaration.identity = all.action("identity");
+      return;
+    } catch (const ScriptFault&) {  // a table then
+    }
+  }
+  auto reader = all.table("identity");
+  if (!reader)
+    all.fail("identity", "is missing: \"*IDN?\", { ask = ..., match = ... } or a function(io)");
+  declaration.identity = reader->action("ask");
+  if (!is_there(declaration.identity)) reader->fail("ask", "is missing");
+  declaration.identity_match = reader->text("match", "");
+  declaration.identity_fields = reader->texts("fields");
+  for (const std::string& field : declaration.identity_fields)
+    if (field != "name" && field != "serial" && field != "firmware" && field != "_")
+      reader->fail("fields", "must be of name, serial, firmware and _");
+  reader->finish();
+}
+
+void read_errors(TableReader& all, Declaration& declaration) {
+  if (!all.has("errors")) return;
+  auto reader = all.table("errors");
+  declaration.errors = reader->action("ask");
+  declaration.no_error = reader->text("none", "^%+?0");
+  if (!is_there(declaration.errors)) reader->fail("ask", "is missing");
+  reader->finish();
+}
+
+void read_make_safe(TableReader& all, Declaration& declaration) {
+  if (!all.has("make_safe")) return;
+  try {
+    declaration.make_safe = all.action("make_safe");
+  } catch (const ScriptFault&) {
+    declaration.safe = all.texts("make_safe");
+  }
+  if (const auto* one = std::get_if<std::string>(&declaration.make_safe)) {
+    declaration.safe = {*one};
+    declaration.make_safe = {};
+  }
+}
+
+void read_functions(TableReader& all, Declaration& declaration) {
+  const RoleShape& shape = shape_of(declaration.kind);
+  for (const char* name : shape.must) {
+    declaration.functions[name] = all.function(name);
+    if (!declaration.functions[name])
+      all.fail(name, "is missing: a " + declaration.kind + " has a function of that name");
+  }
+  for (const char* name : shape.may)
+    if (all.has(name)) declaration.functions[name] = all.function(name);
+}
+
+const PropertyDeclaration* find(const Declaration& declaration, const std::string& name) {
+  for (const PropertyDeclaration& one : declaration.properties)
+    if (one.info.name == name) return &one;
+  return nullptr;
+}
+
+/// What a free kind promises to protocols that ask for it by kind.
+void check_free_kind(TableReader& all, const Declaration& declaration) {
+  const std::string& kind = declaration.kind;
+  const auto wants = [&](const char* name, bool readable, bool settable) {
+    const PropertyDeclaration* const found = find(declaration, name);
+    if (found == nullptr || (readable && !found->info.readable) ||
+        (settable && !found->info.settable))
+      all.fail("properties", "a " + kind + " has one called " + name + " that can be " +
+                                 (readable ? "read" : "set"));
+    return found;
+  };
+  bool energizes = false;
+  if (kind == "sensor") wants("value", true, false);
+  if (kind == "actuator") wants("set_point", false, true), energizes = true;
+  if (kind == "switch") wants("on", false, true), energizes = true;
+  if (kind == "pump") wants("rate", false, true), energizes = true;
+  if (kind == "interlock_input") {
+    const auto* closed = wants("closed", true, false);
+    if (closed->info.type != QuantityType::flag || closed->info.every == Time::zero())
+      all.fail("properties.closed", "must be a flag that is asked for by itself (every = 0.1)");
+  }
+  if (energizes && !is_there(declaration.make_safe) && declaration.safe.empty())
+    all.fail("make_safe", "is missing: a " + kind + " has a safe state");
+}
+
+Declaration read(Sandbox& sandbox, const UnitLookup& units) {
+  lua_State* const L = sandbox.stack();
+  if (lua_type(L, -1) != LUA_TTABLE) {
+    lua_pop(L, 1);
+    throw ScriptFault(sandbox.file() + ": must return a table");
+  }
+  TableReader all(sandbox, "");
+  Declaration declaration;
+  declaration.title = all.text("title", "");
+  if (declaration.title.empty()) all.fail("title", "is missing: what it is, in one line");
+  declaration.kind = all.text("kind", "instrument");
+  if (std::find(kinds().begin(), kinds().end(), declaration.kind) == kinds().end()) {
+    std::string known;
+    for (const std::string& one : kinds()) known += (known.empty() ? "" : ", ") + one;
+    all.fail("kind", "must be one of " + known);
+  }
+  declaration.measures = all.text("measures", "");
+  declaration.link = read_link(all);
+  read_identity(all, declaration);
+  declaration.setup = all.texts("setup");
+  declaration.start_up = all.function("start_up");
+  declaration.unasked = all.function("unasked");
+  read_errors(all, declaration);
+  read_make_safe(all, declaration);
+  if (auto properties = all.table("properties"))
+    for (const std::string& name : properties->keys())
+      declaration.properties.push_back(read_property(*properties, name, units));
+  if (auto commands = all.table("commands"))
+    for (const std::string& name : commands->keys())
+      declaration.commands.push_back(read_command(*commands, name, units));
+  read_functions(all, declaration);
+  read_axes(all, declaration, units);
+  read_role_numbers(all, declaration, units);
+  declaration.rescue = read_rescue(all);
+  if (is_free(declaration.kind)) check_free_kind(all, declaration);
+  if (auto emulator = all.table("emulator")) declaration.emulator = emulator->reference();
+  all.finish();
+  return declaration;
+}
+
+}  // namespace
+
+const std::vector<std::string>& kinds() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> all;
+    for (const RoleShape& one : shapes()) all.emplace_back(one.kind);
+    return all;
+  }();
+  return names;
+}
+
+std::string framed(const Framing& framing, const std::string& message) {
+  std::string whole = message + checksum_of(framing.checksum, message);
+  if (framing.kind == Framing::Kind::brackets && !framing.plain_send)
+    return framing.start + whole + framing.stop;
+  return whole + framing.send_end;
+}
+
+std::string framed_answer(const Framing& framing, const std::string& message) {
+  std::string whole = message + checksum_of(framing.checksum, message);
+  if (framing.kind == Framing::Kind::brackets) return framing.start + whole + framing.stop;
+  return framing.kind == Framing::Kind::line ? whole + framing.receive_end : whole;
+}
+
+bool is_free(std::string_view kind) {
+  return std::any_of(shapes().begin(), shapes().end(),
+                     [&](const RoleShape& one) { return kind == one.kind && one.must.empty(); });
+}
+
+Loaded load(const std::string& file, const std::string& text, const UnitLookup& units,
+            const SettingValues& values) {
+  Loaded loaded{std::make_unique<Sandbox>(file), {}};
+  Sandbox& sandbox = *loaded.sandbox;
+  Asked asked{&sandbox, &units, &values};
+  lua_State* const L = sandbox.stack();
+  // `asked` does not outlive this call, and the script may keep the function.
+  auto* const open = static_cast<Asked**>(lua_newuserdatauv(L, sizeof(Asked*), 0));
+  *open = &asked;
+  lua_pushcclosure(L, declare_settings, 1);
+  const Reference kept = (lua_pushvalue(L, -1), Reference(L));  // and with it `open`
+  lua_setglobal(L, "settings");
+  sandbox.run(text);
+  *open = nullptr;
+  loaded.declaration = read(sandbox, units);
+  loaded.declaration.settings = std::move(asked.declared);
+  return loaded;
+}
+
+}  // namespace vitreo::scripted

@@ -1,0 +1,332 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/scripted/emulator.h"
+
+#include "devices/links/printable.h"
+#include "devices/scripted/checksum.h"
+#include "devices/scripted/conversion.h"
+#include "devices/scripted/lua_values.h"
+#include "devices/scripted/table_reader.h"
+
+#include <algorithm>
+#include <deque>
+#include <utility>
+
+namespace vitreo::scripted {
+namespace {
+
+/// What each emulator can do: things that move at a constant speed, and messages of its own accord.
+/// e:glide("x", 5, 2.4), e:at("x"), e:gliding("x"), e:later(0.5, "done").
+constexpr const char* kPrelude = R"(
+local methods = {}
+function methods:at(name)
+  local one = self.glides[name]
+  if not one then return 0 end
+  local part = one.speed * (self.now - one.began)
+  local way = one.to - one.from
+  if part >= math.abs(way) then return one.to end
+  return one.from + (way < 0 and -part or part)
+end
+function methods:glide(name, to, speed)
+  self.glides[name] = { from = self:at(name), to = to, speed = speed, began = self.now }
+end
+function methods:gliding(name)
+  local one = self.glides[name]
+  return one ~= nil and self:at(name) ~= one.to
+end
+function methods:later(delay, message)
+  self.planned[#self.planned + 1] = { self.now + delay, message }
+end
+return function() return setmetatable({ now = 0, glides = {}, planned = {} }, { __index = methods }) end
+)";
+
+class ScriptedEmulator final : public Emulator {
+ public:
+  ScriptedEmulator(Loaded loaded, Surroundings surroundings)
+      : loaded_(std::move(loaded)), surroundings_(std::move(surroundings)) {
+    read();
+    power_up(Time::zero());
+  }
+
+  void receive(std::span<const std::uint8_t> bytes, Time now) override {
+    for (const std::uint8_t byte : bytes) {
+      heard_.push_back(static_cast<char>(byte));
+      heard_at_ = now;
+      if (const auto message = complete()) answer(*message, now);
+    }
+  }
+  std::vector<TimedBytes> say(Time now) override {
+    end_of_silence(now);
+    std::vector<TimedBytes> said;
+    while (!planned_.empty() && planned_.front().at <= now) {
+      said.push_back(std::move(planned_.front()));
+      planned_.pop_front();
+    }
+    return said;
+  }
+  Time next() const override {
+    Time first = planned_.empty() ? kForever : planned_.front().at;
+    if (framing().kind == Framing::Kind::quiet && !heard_.empty())
+      first = std::min(first, later(heard_at_, framing().quiet));
+    return first;
+  }
+  void power_cycle(Time now) override {
+    heard_.clear();
+    planned_.clear();
+    power_up(now);
+  }
+
+  std::optional<std::vector<double>> position(Time now) override {
+    if (!position_ || !fault_.empty()) return std::nullopt;
+    std::optional<std::vector<double>> list;
+    attempt(now, [&] {
+      position_.push();
+      state_.push();
+      sandbox().call(1, 1);
+      if (lua_type(stack(), -1) == LUA_TNUMBER)
+        list = {{lua_tonumber(stack(), -1)}};
+      else
+        list = numbers_at(stack(), -1);
+      lua_pop(stack(), 1);
+    });
+    const auto& axes = loaded_.declaration.axes;
+    if (!list || list->size() != axes.size()) return std::nullopt;
+    for (std::size_t i = 0; i < axes.size(); ++i) (*list)[i] = axes[i].unit.to_si((*list)[i]);
+    return list;
+  }
+
+ private:
+  Sandbox& sandbox() const { return *loaded_.sandbox; }
+  lua_State* stack() const { return sandbox().stack(); }
+  const Framing& framing() const { return loaded_.declaration.link.framing; }
+
+  /// answers = { ["*IDN?"] = "...", { "^SETP (.+)$", function(e, value) ... end } }
+  void read() {
+    if (!loaded_.declaration.emulator) throw ScriptFault(sandbox().file() + ": it has no emulator");
+    loaded_.declaration.emulator.push();
+    TableReader reader(sandbox(), "emulator");
+    power_up_ = reader.function("start");
+    message_ = reader.function("message");
+    position_ = reader.function("position");
+    delay_ = reader.seconds("delay", 0.001, 60);
+    if (auto answers = reader.table("answers")) {
+      for (const std::string& message : answers->keys()) exact_[message] = answers->action(message);
+      for (TableReader& one : reader.list("answers")) {
+        one.reference().push();
+        lua_rawgeti(stack(), -1, 1);
+        const std::string pattern =
+            lua_type(stack(), -1) == LUA_TSTRING ? lua_tostring(stack(), -1) : "";
+        lua_pop(stack(), 1);
+        const int type = lua_rawgeti(stack(), -1, 2);
+        if (pattern.empty() || (type != LUA_TFUNCTION && type != LUA_TSTRING)) {
+          lua_pop(stack(), 2);
+          one.fail("", "must be { pattern, answer or function(e, captures) }");
+        }
+        patterns_.emplace_back(pattern, Reference(stack()));
+        lua_pop(stack(), 1);
+      }
+    }
+    if (exact_.empty() && patterns_.empty() && !message_)
+      reader.fail("answers", "neither answers nor message is there");
+    reader.finish();
+    sandbox().run(kPrelude);
+    make_state_ = Reference(stack());
+  }
+
+  void power_up(Time now) {
+    fault_.clear();
+    make_state_.push();
+    sandbox().call(0, 1);
+    state_ = Reference(stack());
+    attempt(now, [&] {
+      if (!power_up_) return;
+      power_up_.push();
+      state_.push();
+      sandbox().call(1, 0);
+    });
+  }
+
+  /// The state with the time and what it feels; then `work`, then what it planned.
+  template <class Work>
+  void attempt(Time now, const Work& work) {
+    if (!fault_.empty()) return;
+    try {
+      state_.push();
+      lua_pushnumber(stack(), to_seconds(now));
+      set("now");
+      if (surroundings_.field) {
+        std::vector<double> field = surroundings_.field(now);
+        for (double& one : field) one = loaded_.declaration.unit.from_si(one);
+        push_quantity(stack(), field);
+        set("field");
+      }
+      lua_pop(stack(), 1);
+      work();
+      take_planned();
+      drive(now);
+    } catch (const ScriptFault& fault) {
+      fault_ = fault.what();
+      plan(now, "its emulator failed: " + printable(fault_, 300));
+    }
+  }
+  /// [state, value] -> [state]
+  void set(const char* field) {
+    lua_pushstring(stack(), field);
+    lua_insert(stack(), -2);
+    lua_rawset(stack(), -3);
+  }
+
+  /// e.currents, in the declared unit, flow in the simulated coils.
+  void drive(Time now) {
+    if (!surroundings_.drive) return;
+    state_.push();
+    lua_pushstring(stack(), "currents");
+    lua_rawget(stack(), -2);
+    auto list = numbers_at(stack(), -1);
+    lua_pop(stack(), 2);
+    if (!list ||
+        list->size() != static_cast<std::size_t>(loaded_.declaration.numbers.at("channels")))
+      return;
+    for (double& one : *list) one = loaded_.declaration.unit.to_si(one);
+    if (*list == driven_) return;
+    driven_ = *list;
+    surroundings_.drive(now, driven_);
+  }
+
+  void take_planned() {
+    state_.push();
+    lua_pushstring(stack(), "planned");
+    const int type = lua_rawget(stack(), -2);
+    const auto count = type == LUA_TTABLE ? static_cast<lua_Integer>(lua_rawlen(stack(), -1)) : 0;
+    for (lua_Integer i = 1; i <= count; ++i) {
+      if (lua_rawgeti(stack(), -1, i) == LUA_TTABLE) {
+        lua_rawgeti(stack(), -1, 1);
+        lua_rawgeti(stack(), -2, 2);
+        const double at = lua_tonumber(stack(), -2);
+        if (lua_type(stack(), -1) == LUA_TSTRING && at >= 0 && at < 1e9)
+          plan(from_seconds(at), {lua_tostring(stack(), -1), lua_rawlen(stack(), -1)});
+        lua_pop(stack(), 2);
+      }
+      lua_pop(stack(), 1);
+    }
+    lua_pop(stack(), 1);
+    lua_newtable(stack());
+    set("planned");
+    lua_pop(stack(), 1);
+  }
+
+  /// Framed, in the order of time.
+  void plan(Time at, const std::string& message) {
+    const std::string whole = framed_answer(framing(), message);
+    TimedBytes timed{at, {whole.begin(), whole.end()}};
+    const auto behind = std::upper_bound(planned_.begin(), planned_.end(), at,
+                                         [](Time t, const TimedBytes& one) { return t < one.at; });
+    planned_.insert(behind, std::move(timed));
+  }
+
+  /// The message that has come whole, without frame and checksum.
+  std::optional<std::string> complete() {
+    const Framing& frame = framing();
+    std::string message;
+    switch (frame.plain_send ? Framing::Kind::line : frame.kind) {
+      case Framing::Kind::line: {
+        const std::string& end = frame.send_end;
+        if (end.empty() || !heard_.ends_with(end)) return std::nullopt;
+        message = heard_.substr(0, heard_.size() - end.size());
+        break;
+      }
+      case Framing::Kind::fixed:
+        if (heard_.size() < frame.length) return std::nullopt;
+        message = heard_;
+        break;
+      case Framing::Kind::header:
+        if (heard_.size() < frame.length || heard_.size() < frame.length + rest())
+          return std::nullopt;
+        message = heard_;
+        break;
+      case Framing::Kind::brackets:
+        if (!heard_.ends_with(frame.stop)) return std::nullopt;
+        message = heard_.substr(0, heard_.size() - 1);
+        message = message.substr(std::min(message.size(), message.rfind(frame.start) + 1));
+        break;
+      case Framing::Kind::quiet:
+        return std::nullopt;  // end_of_silence()
+    }
+    heard_.clear();
+    return checked(std::move(message));
+  }
+  std::optional<std::string> checked(std::string message) const {
+    const std::size_t size = checksum_size(framing().checksum);
+    if (message.size() < size) return std::nullopt;
+    const std::string sum = message.substr(message.size() - size);
+    message.resize(message.size() - size);
+    if (checksum_of(framing().checksum, message) != sum) return std::nullopt;
+    return message;
+  }
+  std::size_t rest() {
+    framing().rest.push();
+    lua_pushlstring(stack(), heard_.data(), framing().length);
+    sandbox().call(1, 1);
+    const double count = lua_tonumber(stack(), -1);
+    lua_pop(stack(), 1);
+    return count >= 0 && count < 65536 ? static_cast<std::size_t>(count) : 0;
+  }
+  void end_of_silence(Time now) {
+    if (framing().kind != Framing::Kind::quiet || heard_.empty()) return;
+    const Time end = later(heard_at_, framing().quiet);
+    if (now < end) return;
+    if (const auto message = checked(std::exchange(heard_, {}))) answer(*message, end);
+  }
+
+  void answer(const std::string& message, Time now) {
+    attempt(now, [&] {
+      const auto found = exact_.find(message);
+      if (found != exact_.end()) {
+        if (const auto* text = std::get_if<std::string>(&found->second))
+          return plan(later(now, delay_), *text);
+        return reply(std::get<Reference>(found->second), {}, now);
+      }
+      for (const auto& [pattern, answered] : patterns_)
+        if (const auto parts = captures(sandbox(), message, pattern))
+          return reply(answered, *parts, now);
+      if (message_) reply(message_, {message}, now);
+    });
+  }
+
+  /// A text, a function(e, ...) that gives a text, a list of texts or nothing.
+  void reply(const Reference& answered, const std::vector<std::string>& parts, Time now) {
+    answered.push();
+    if (lua_type(stack(), -1) == LUA_TFUNCTION) {
+      state_.push();
+      for (const std::string& part : parts) lua_pushlstring(stack(), part.data(), part.size());
+      sandbox().call(1 + static_cast<int>(parts.size()), 1);
+    }
+    if (lua_type(stack(), -1) == LUA_TSTRING)
+      plan(later(now, delay_), {lua_tostring(stack(), -1), lua_rawlen(stack(), -1)});
+    if (lua_type(stack(), -1) == LUA_TTABLE)
+      for (lua_Integer i = 1; lua_rawgeti(stack(), -1, i) == LUA_TSTRING; ++i) {
+        plan(later(now, delay_), {lua_tostring(stack(), -1), lua_rawlen(stack(), -1)});
+        lua_pop(stack(), 1);
+      }
+    lua_settop(stack(), 0);
+  }
+
+  Loaded loaded_;
+  const Surroundings surroundings_;
+  Reference power_up_, message_, position_, make_state_, state_;
+  std::map<std::string, Action> exact_;
+  std::vector<std::pair<std::string, Reference>> patterns_;
+  Time delay_{};
+  std::string heard_;
+  Time heard_at_{};
+  std::deque<TimedBytes> planned_;
+  std::vector<double> driven_;
+  std::string fault_;  // what went wrong in it; then it says nothing any more
+};
+
+}  // namespace
+
+std::unique_ptr<Emulator> make_emulator(Loaded loaded, Surroundings surroundings) {
+  return std::make_unique<ScriptedEmulator>(std::move(loaded), std::move(surroundings));
+}
+
+}  // namespace vitreo::scripted

@@ -1,0 +1,386 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/scripted/exchange.h"
+
+#include "devices/links/printable.h"
+#include "devices/links/scpi.h"
+#include "devices/scripted/checksum.h"
+#include "devices/scripted/conversion.h"
+#include "devices/scripted/lua_values.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::scripted {
+namespace {
+
+constexpr int kMostUnasked = 1000;    // messages before an answer
+constexpr double kLongestSleep = 60;  // s, of one io:sleep
+/// After which nothing more of an older answer comes, where the declared timeout is longer.
+constexpr Time kSilence = std::chrono::milliseconds(50);
+
+std::string_view text_at(lua_State* L, int index, const char* what) {
+  if (lua_type(L, index) != LUA_TSTRING)
+    throw std::invalid_argument(std::string(what) + ": must be a text");
+  std::size_t size = 0;
+  const char* const text = lua_tolstring(L, index, &size);
+  return {text, size};
+}
+
+/// A field of the options at `index`, as a number of s; `fallback` where it is not there.
+Time time_option(lua_State* L, int index, const char* name, Time fallback) {
+  if (lua_type(L, index) != LUA_TTABLE) return fallback;
+  lua_pushstring(L, name);
+  const int type = lua_rawget(L, index);
+  const double value = lua_tonumber(L, -1);
+  lua_pop(L, 1);
+  if (type == LUA_TNIL) return fallback;
+  if (type != LUA_TNUMBER || !(value >= 0 && value <= 600))
+    throw std::invalid_argument(std::string(name) + ": must be 0 to 600 s");
+  return from_seconds(value);
+}
+
+std::span<const std::uint8_t> bytes(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+}  // namespace
+
+Exchange::Exchange(Loaded& loaded, Dialogue& dialogue) : loaded_(loaded), dialogue_(dialogue) {
+  sandbox().push_operations({"ask", "send", "read", "sleep", "now", "fail"});
+  io_ = Reference(sandbox().stack());
+}
+
+Time Exchange::reply_deadline() const {
+  return later(dialogue_.clock().now(), loaded_.declaration.link.timeout);
+}
+
+void Exchange::send(std::string_view message) {
+  const LinkDeclaration& link = declaration().link;
+  Clock& clock = dialogue_.clock();
+  if (link.pause > Time::zero() && sent_before_) clock.sleep_until(later(sent_, link.pause));
+  const std::string whole = framed(link.framing, std::string(message));
+  dialogue_.send(whole);
+  sent_ = clock.now();
+  sent_before_ = true;
+  if (link.echo) drop_echo(whole, reply_deadline());
+}
+
+/// A half-duplex line, or an instrument that repeats what it hears.
+void Exchange::drop_echo(std::string_view sent, Time deadline) {
+  const ByteString heard = dialogue_.take(sent.size(), deadline);
+  if (!std::equal(heard.begin(), heard.end(), bytes(sent).begin(), bytes(sent).end()))
+    dialogue_.fail(DeviceErrorKind::protocol, "its echo is not what was sent: " + printable(heard));
+}
+
+std::string Exchange::take(std::size_t count, Time deadline) {
+  const ByteString taken = dialogue_.take(count, deadline);
+  return {taken.begin(), taken.end()};
+}
+
+std::string Exchange::until(const std::string& end, Time deadline) {
+  std::string message;
+  while (!message.ends_with(end)) {
+    message += dialogue_.line(end.back(), declaration().link.framing.most, deadline) + end.back();
+    if (message.size() > declaration().link.framing.most)
+      dialogue_.fail(DeviceErrorKind::protocol, "its message does not end: " + printable(message));
+  }
+  message.resize(message.size() - end.size());
+  return message;
+}
+
+/// One message as it is on the wire, without its frame but with its checksum.
+std::string Exchange::unframed(Time deadline) {
+  const Framing& framing = declaration().link.framing;
+  switch (framing.kind) {
+    case Framing::Kind::line:
+      return until(framing.receive_end, deadline);
+    case Framing::Kind::fixed:
+      return take(framing.length, deadline);
+    case Framing::Kind::header: {
+      std::string message = take(framing.length, deadline);
+      lua_State* const L = sandbox().stack();
+      framing.rest.push();
+      lua_pushlstring(L, message.data(), message.size());
+      sandbox().call(1, 1);
+      const auto rest = quantity_at(L, -1);
+      lua_pop(L, 1);
+      const double* const count = rest ? std::get_if<double>(&*rest) : nullptr;
+      if (count == nullptr || *count < 0 || *count > static_cast<double>(framing.most))
+        throw ScriptFault(sandbox().file() +
+                          ": link.message.rest: does not give how many bytes follow");
+      if (*count > 0) message += take(static_cast<std::size_t>(*count), deadline);
+      return message;
+    }
+    case Framing::Kind::brackets: {
+      until(framing.start, deadline);  // what is in front of it belongs to no message
+      return until(framing.stop, deadline);
+    }
+    case Framing::Kind::quiet:
+      break;
+  }
+  std::string message = take(1, deadline);
+  Clock& clock = dialogue_.clock();
+  while (const auto byte = dialogue_.next(later(clock.now(), framing.quiet))) {
+    message.push_back(static_cast<char>(*byte));
+    if (message.size() > framing.most)
+      dialogue_.fail(DeviceErrorKind::protocol, "its message does not end");
+  }
+  return message;
+}
+
+std::string Exchange::receive(Time deadline) {
+  std::string message = unframed(deadline);
+  const Checksum kind = declaration().link.framing.checksum;
+  const std::size_t size = checksum_size(kind);
+  if (size == 0) return message;
+  if (message.size() < size ||
+      checksum_of(kind, std::string_view(message).substr(0, message.size() - size)) !=
+          message.substr(message.size() - size)) {
+    unsure_ = true;
+    dialogue_.fail(DeviceErrorKind::protocol,
+                   "the checksum of its message is wrong: " + printable(message));
+  }
+  message.resize(message.size() - size);
+  return message;
+}
+
+/// For what the instrument says by itself.
+void Exchange::hand_over(const std::string& message) {
+  if (!declaration().unasked) return;
+  lua_State* const L = sandbox().stack();
+  declaration().unasked.push();
+  lua_pushlstring(L, message.data(), message.size());
+  sandbox().call(1, 0);
+}
+
+// Where the last answer did not come in time it may come now, and would be taken for that of this
+// question: so the line must be silent first.
+std::string Exchange::ask(std::string_view message, Time timeout,
+                          const std::function<bool(const std::string&)>& wanted) {
+  Clock& clock = dialogue_.clock();
+  if (unsure_) dialogue_.settle(kSilence);
+  if (!wanted) dialogue_.discard();
+  unsure_ = true;
+  send(message);
+  asked_ = clock.now();
+  const Time deadline = std::min(later(asked_, timeout), deadline_);
+  for (int i = 0; i < kMostUnasked; ++i) {
+    dialogue_.await(deadline);
+    answered_ = clock.now();
+    std::string answer = receive(deadline);
+    const bool empty = answer.empty() && declaration().link.framing.kind == Framing::Kind::line;
+    if (empty) continue;
+    if (!wanted || wanted(answer)) {
+      unsure_ = false;
+      return answer;
+    }
+    hand_over(answer);
+  }
+  dialogue_.fail(DeviceErrorKind::protocol, "it goes on talking, and does not answer");
+}
+
+// The order of the questions is that of their wiring: nothing is set before it is known what it is.
+Identity Exchange::identify() {
+  const Declaration& all = declaration();
+  Identity identity;
+  if (const auto* function = std::get_if<Reference>(&all.identity)) {
+    lua_State* const L = sandbox().stack();
+    function->push();
+    io_.push();
+    sandbox().call(1, 3, this, &dialogue_.clock());
+    const auto text = [&](int index) {
+      return lua_type(L, index) == LUA_TSTRING ? std::string(lua_tostring(L, index)) : "";
+    };
+    identity = {text(-3), text(-2), text(-1)};
+    lua_pop(L, 3);
+    if (identity.name.empty())
+      dialogue_.fail(DeviceErrorKind::not_found, "this is no " + all.title);
+    return identity;
+  }
+  const std::string said = ask(std::get<std::string>(all.identity), all.link.timeout);
+  if (all.identity_match.empty()) {
+    const auto who = scpi::identity(said);
+    if (!who)
+      dialogue_.fail(DeviceErrorKind::not_found,
+                     "this is no " + all.title + ": " + printable(said));
+    return *who;
+  }
+  const auto found = captures(sandbox(), said, all.identity_match);
+  if (!found)
+    dialogue_.fail(DeviceErrorKind::not_found, "this is no " + all.title + ": " + printable(said));
+  identity.name = all.title;
+  for (std::size_t i = 0; i < std::min(found->size(), all.identity_fields.size()); ++i) {
+    const std::string shown = printable((*found)[i], 80);
+    if (all.identity_fields[i] == "name") identity.name = shown;
+    if (all.identity_fields[i] == "serial") identity.serial = shown;
+    if (all.identity_fields[i] == "firmware") identity.firmware = shown;
+  }
+  return identity;
+}
+
+/// What is wrong with the file makes the instrument safe, once, and is told by file and line.
+template <class Work>
+auto Exchange::judged(const Work& work) {
+  if (!fault_.empty())
+    dialogue_.fail(DeviceErrorKind::protocol, "its driver failed before: " + fault_);
+  try {
+    return work();
+  } catch (const ScriptFault& fault) {
+    break_down(fault);
+  }
+}
+
+Identity Exchange::begin() {
+  fault_.clear();
+  unsure_ = true;
+  return judged([&] {
+    const Declaration& all = declaration();
+    if (all.link.opening_pause > Time::zero()) dialogue_.clock().sleep_for(all.link.opening_pause);
+    Identity identity = identify();
+    dialogue_.identified();
+    for (const std::string& message : all.setup) {
+      send(message);
+      check_errors();
+    }
+    if (all.start_up) call(all.start_up, {});
+    return identity;
+  });
+}
+
+void Exchange::break_down(const ScriptFault& fault) {
+  fault_ = printable(fault.what(), 400);
+  std::string unsafe;
+  if (!std::exchange(broken_, true)) {
+    const StopShield shield(dialogue_.clock());
+    try {
+      make_safe();
+    } catch (const std::exception& error) {
+      unsafe = std::string("; it could not be made safe either: ") + error.what();
+    }
+    broken_ = false;
+  }
+  dialogue_.fail(DeviceErrorKind::protocol, "its driver failed: " + fault_ + unsafe);
+}
+
+std::optional<QuantityValue> Exchange::call(const Reference& function,
+                                            const std::vector<QuantityValue>& arguments) {
+  return judged([&] {
+    lua_State* const L = sandbox().stack();
+    function.push();
+    io_.push();
+    for (const QuantityValue& argument : arguments) push_quantity(L, argument);
+    sandbox().call(1 + static_cast<int>(arguments.size()), 1, this, &dialogue_.clock());
+    const bool none = lua_isnil(L, -1);
+    const auto value = none ? std::nullopt : quantity_at(L, -1);
+    const std::string kind = luaL_typename(L, -1);
+    lua_pop(L, 1);
+    if (!none && !value)
+      throw ScriptFault(sandbox().file() + ": a function returned a " + kind +
+                        " that is no finite number, text, flag or list of numbers");
+    return value;
+  });
+}
+
+std::optional<QuantityValue> Exchange::perform(const Action& action,
+                                               const std::vector<QuantityValue>& arguments,
+                                               bool answer, std::optional<Time> timeout) {
+  if (const auto* function = std::get_if<Reference>(&action)) return call(*function, arguments);
+  return judged([&]() -> std::optional<QuantityValue> {
+    const auto& format = std::get<std::string>(action);
+    const std::string message =
+        arguments.empty() ? format : message_for(sandbox(), format, arguments);
+    if (answer) return ask(message, timeout.value_or(declaration().link.timeout));
+    send(message);
+    return std::nullopt;
+  });
+}
+
+void Exchange::check_errors() {
+  const Declaration& all = declaration();
+  if (!is_there(all.errors)) return;
+  const auto said = perform(all.errors, {}, true);
+  const std::string* const text = said ? std::get_if<std::string>(&*said) : nullptr;
+  if (text == nullptr) return;  // a function fails by itself
+  if (!captures(sandbox(), *text, all.no_error))
+    dialogue_.fail(DeviceErrorKind::refused, "it reports an error: " + printable(*text));
+}
+
+void Exchange::make_safe() {
+  const Declaration& all = declaration();
+  for (const std::string& message : all.safe) send(message);
+  if (const auto* function = std::get_if<Reference>(&all.make_safe)) {
+    function->push();
+    io_.push();
+    sandbox().call(1, 0, this, &dialogue_.clock());
+  }
+}
+
+// io:ask(message, { timeout = 0.5, match = "^A", lines = 1 }): match may be a function(message).
+int Exchange::op_ask(lua_State* L) {
+  const std::string message(text_at(L, 1, "message"));
+  const Time timeout = time_option(L, 2, "timeout", declaration().link.timeout);
+  std::function<bool(const std::string&)> wanted;
+  if (lua_type(L, 2) == LUA_TTABLE) {
+    lua_pushstring(L, "match");
+    lua_rawget(L, 2);
+    if (lua_type(L, -1) == LUA_TSTRING) {
+      wanted = [this, pattern = std::string(lua_tostring(L, -1))](const std::string& answer) {
+        return captures(sandbox(), answer, pattern).has_value();
+      };
+    } else if (lua_type(L, -1) == LUA_TFUNCTION) {
+      lua_pushvalue(L, -1);
+      wanted = [this, function = Reference(L)](const std::string& answer) {
+        lua_State* const stack = sandbox().stack();
+        function.push();
+        lua_pushlstring(stack, answer.data(), answer.size());
+        sandbox().call(1, 1);
+        const bool good = lua_toboolean(stack, -1) != 0;
+        lua_pop(stack, 1);
+        return good;
+      };
+    } else if (lua_type(L, -1) != LUA_TNIL) {
+      throw std::invalid_argument("match: must be a pattern or a function");
+    }
+    lua_pop(L, 1);
+  }
+  const std::string answer = ask(message, timeout, wanted);
+  lua_pushlstring(L, answer.data(), answer.size());
+  return 1;
+}
+
+// io:read { timeout = 1 }: the next message, whoever asked for it.
+int Exchange::op_read(lua_State* L) {
+  const Time timeout = time_option(L, 1, "timeout", declaration().link.timeout);
+  const std::string message = receive(std::min(later(dialogue_.clock().now(), timeout), deadline_));
+  lua_pushlstring(L, message.data(), message.size());
+  return 1;
+}
+
+int Exchange::perform(std::string_view operation, lua_State* L) {
+  Clock& clock = dialogue_.clock();
+  if (operation == "ask") return op_ask(L);
+  if (operation == "read") return op_read(L);
+  if (operation == "now") return lua_pushnumber(L, to_seconds(clock.now())), 1;
+  if (operation == "send") {
+    send(text_at(L, 1, "message"));
+    return 0;
+  }
+  if (operation == "sleep") {
+    const double duration = lua_type(L, 1) == LUA_TNUMBER ? lua_tonumber(L, 1) : -1;
+    if (!(duration >= 0 && duration <= kLongestSleep))
+      throw std::invalid_argument("duration: must be 0 to 60 s");
+    clock.sleep_for(from_seconds(duration));
+    return 0;
+  }
+  // io:fail("refused", "the probe is not plugged in")
+  const std::string kind(text_at(L, 1, "kind"));
+  const std::string what(text_at(L, 2, "what"));
+  for (const DeviceErrorKind one :
+       {DeviceErrorKind::not_found, DeviceErrorKind::timeout, DeviceErrorKind::lost,
+        DeviceErrorKind::protocol, DeviceErrorKind::refused, DeviceErrorKind::out_of_range})
+    if (kind == to_string(one)) dialogue_.fail(one, printable(what, 200));
+  throw std::invalid_argument("kind: must be refused, protocol, timeout, ...");
+}
+
+}  // namespace vitreo::scripted

@@ -1,0 +1,210 @@
+// Instruments of one Lua file as a rig file describes them: { driver = "kdc101", address =
+// "serial:/dev/ttyUSB0" }, and the settings that the file declares.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/scripted/emulator.h"
+#include "devices/scripted/instrument.h"
+#include "host/rig/drivers/carried.h"
+#include "host/rig/drivers/drivers.h"
+#include "host/rig/drivers/serial.h"
+#include "host/rig/instrument_file.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace vitreo {
+namespace {
+
+/// What kind a role's file declares, and how it is opened; no `open`: such a role cannot be written
+/// in Lua.
+template <class Role>
+struct Scripting {
+  static constexpr const char* kind = nullptr;
+};
+template <>
+struct Scripting<Stage> {
+  static constexpr const char* kind = "stage";
+  static constexpr auto open = scripted::open_stage;
+};
+template <>
+struct Scripting<RotationStage> {
+  static constexpr const char* kind = "rotation_stage";
+  static constexpr auto open = scripted::open_rotation_stage;
+};
+template <>
+struct Scripting<LensMover> {
+  static constexpr const char* kind = "lens_mover";
+  static constexpr auto open = scripted::open_lens_mover;
+};
+template <>
+struct Scripting<FieldProbe> {
+  static constexpr const char* kind = "field_probe";
+  static constexpr auto open = scripted::open_field_probe;
+};
+template <>
+struct Scripting<CurrentSensor> {
+  static constexpr const char* kind = "current_sensor";
+  static constexpr auto open = scripted::open_current_sensor;
+};
+template <>
+struct Scripting<CoilAmplifier> {
+  static constexpr const char* kind = "coils";
+  static constexpr auto open = scripted::open_coils;
+};
+template <>
+struct Scripting<Lamp> {
+  static constexpr const char* kind = "lamp";
+  static constexpr auto open = scripted::open_lamp;
+};
+template <>
+struct Scripting<Instrument> {
+  static constexpr const char* kind = "instrument";
+  static constexpr auto open = scripted::open_instrument;
+};
+
+InstrumentFile file_of(const ConfigReader& reader) {
+  return *find_instrument_file(reader.rig(), reader.file_of("driver"), reader.peek("driver"));
+}
+
+QuantityValue read_setting(ConfigReader& reader, const scripted::SettingDeclaration& setting) {
+  if (setting.type == QuantityType::flag)
+    return reader.flag(setting.name, std::get<bool>(setting.fallback));
+  if (setting.type == QuantityType::text) {
+    const auto& usual = std::get<std::string>(setting.fallback);
+    return setting.choices.empty() ? reader.text(setting.name, usual)
+                                   : reader.choice(setting.name, usual, setting.choices);
+  }
+  const scripted::DeclaredUnit& unit = setting.unit;
+  const Bounds bounds{unit.to_si(setting.min), unit.to_si(setting.max), unit.si};
+  return unit.from_si(
+      reader.number(setting.name, unit.to_si(std::get<double>(setting.fallback)), bounds));
+}
+
+/// The settings in the units that the file declares.
+scripted::SettingValues read_settings(ConfigReader& reader, const scripted::Declaration& declared) {
+  scripted::SettingValues values;
+  for (const scripted::SettingDeclaration& one : declared.settings)
+    values[one.name] = read_setting(reader, one);
+  return values;
+}
+
+void check_bus(const InstrumentReader& instrument, const scripted::Declaration& declared) {
+  if (instrument.emulated()) {
+    if (!declared.emulator)
+      instrument.reader.fail("address", "must be given: its file has no emulator");
+    return;
+  }
+  const std::string bus = parse_address(instrument.address).bus;
+  const auto& buses = declared.link.buses;
+  if (std::find(buses.begin(), buses.end(), bus) == buses.end())
+    instrument.reader.fail("address",
+                           fmt::format("must begin with {}:", fmt::join(buses, ": or ")));
+}
+
+/// What is wrong in its file is an error of the rig's.
+std::shared_ptr<scripted::Emulator> emulator_of(scripted::Loaded loaded,
+                                                scripted::Surroundings surroundings = {}) {
+  try {
+    return scripted::make_emulator(std::move(loaded), std::move(surroundings));
+  } catch (const scripted::ScriptFault& fault) {
+    throw ConfigError(fault.what());
+  }
+}
+
+// An emulated probe stands in the simulated world, an emulated stage carries what the rig says, and
+// emulated amplifiers drive the simulated coils.
+template <class Role>
+std::shared_ptr<BytePeer> emulate(const RigContext& where, const std::string& role,
+                                  scripted::Loaded loaded, const std::string& load) {
+  scripted::Surroundings surroundings;
+  sim::Laboratory* const laboratory = where.laboratory;
+  if constexpr (std::is_same_v<Role, FieldProbe>) {
+    const int axes = static_cast<int>(loaded.declaration.numbers.at("axis_count"));
+    surroundings.field = [laboratory, axes, places = where.places](Time now) {
+      const Eigen::Vector3d at =
+          places->stage ? places->stage(now) : Eigen::Vector3d(Eigen::Vector3d::Zero());
+      const Eigen::Vector3d field = laboratory == nullptr ? Eigen::Vector3d(Eigen::Vector3d::Zero())
+                                                          : laboratory->field(at, now);
+      if (axes == 1) return std::vector<double>{field.z()};
+      return std::vector<double>{field.x(), field.y(), field.z()};
+    };
+  }
+  if constexpr (std::is_same_v<Role, CoilAmplifier>)
+    if (laboratory != nullptr)
+      surroundings.drive = [laboratory](Time now, const std::vector<double>& currents) {
+        laboratory->drive_coils(now, currents);
+      };
+  const auto axes = loaded.declaration.axes;
+  const std::shared_ptr<scripted::Emulator> emulator =
+      emulator_of(std::move(loaded), std::move(surroundings));
+  if constexpr (std::is_same_v<Role, Stage>) {
+    const auto origin = emulator->position(where.clock.now());
+    carry(where, load, [axes, emulator, origin](Time now) {
+      Eigen::Vector3d moved = Eigen::Vector3d::Zero();
+      const auto at = emulator->position(now);
+      for (std::size_t i = 0; at && origin && i < axes.size(); ++i) {
+        const int axis = axes[i].name.front() - 'x';
+        if (axes[i].name.size() == 1 && axis >= 0 && axis < 3)
+          moved[axis] = (*at)[i] - (*origin)[i];
+      }
+      return moved;
+    });
+  }
+  static_cast<void>(role);
+  static_cast<void>(load);
+  return emulator;
+}
+
+}  // namespace
+
+bool names_instrument_file(const ConfigReader& reader) {
+  return find_instrument_file(reader.rig(), reader.file_of("driver"), reader.peek("driver"))
+      .has_value();
+}
+
+template <class Role>
+Opener<Role> read_scripted(const InstrumentReader& instrument) {
+  if constexpr (Scripting<Role>::kind == nullptr) {
+    instrument.reader.fail("driver", "cannot be a Lua file: not for this role");
+  } else {
+    const InstrumentFile file = file_of(instrument.reader);
+    const scripted::Loaded first = load_instrument(file);
+    const std::string& kind = first.declaration.kind;
+    const bool fits =
+        std::is_same_v<Role, Instrument> ? scripted::is_free(kind) : kind == Scripting<Role>::kind;
+    if (!fits) instrument.reader.fail("driver", "is a " + kind + " by its file " + file.path);
+    check_bus(instrument, first.declaration);
+    const scripted::SettingValues values = read_settings(instrument.reader, first.declaration);
+    const SerialPlace place = read_serial_place(instrument, first.declaration.link.serial);
+    std::string load;
+    if constexpr (std::is_same_v<Role, Stage>) load = read_load(instrument, "nothing");
+    // What these settings make wrong is told now, in the emulator too.
+    scripted::Loaded tried = load_instrument(file, values);
+    if (tried.declaration.emulator) emulator_of(std::move(tried));
+    return [file, values, place, load, role = instrument.role](const RigContext& where) {
+      const bool far = place.emulated() || where.offer;
+      std::shared_ptr<BytePeer> peer;
+      scripted::Loaded loaded = load_instrument(file, values);
+      if (far && loaded.declaration.emulator)
+        peer = emulate<Role>(where, role, load_instrument(file, values), load);
+      if (where.offer && !peer) return Opened<Role>{};
+      return open_on<Role>(place, peer, where, role, [&](std::unique_ptr<ByteLink> link) {
+        return Scripting<Role>::open({std::move(loaded), std::move(link), role, where.clock});
+      });
+    };
+  }
+}
+
+template Opener<Stage> read_scripted<Stage>(const InstrumentReader&);
+template Opener<RotationStage> read_scripted<RotationStage>(const InstrumentReader&);
+template Opener<LensMover> read_scripted<LensMover>(const InstrumentReader&);
+template Opener<FieldProbe> read_scripted<FieldProbe>(const InstrumentReader&);
+template Opener<CurrentSensor> read_scripted<CurrentSensor>(const InstrumentReader&);
+template Opener<CoilAmplifier> read_scripted<CoilAmplifier>(const InstrumentReader&);
+template Opener<Lamp> read_scripted<Lamp>(const InstrumentReader&);
+template Opener<Instrument> read_scripted<Instrument>(const InstrumentReader&);
+template Opener<OperatorInput> read_scripted<OperatorInput>(const InstrumentReader&);
+template Opener<EnableLine> read_scripted<EnableLine>(const InstrumentReader&);
+
+}  // namespace vitreo

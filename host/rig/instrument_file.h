@@ -1,0 +1,40 @@
+// Instruments that are one Lua file each: where a rig file's driver names one, and what of it the
+// rest of the host asks for.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/scripted/declaration.h"
+#include "host/config/config.h"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+struct InstrumentFile {
+  std::string path;
+  std::string text;
+};
+
+/// The file that the driver `name` is: a path that ends in .lua, from where the rig file stands, or
+/// NAME.lua beside the rig file, in its folder instruments/, or among the program's own. Nothing
+/// where there is none. Throws ConfigError for one that cannot be read, or is too large.
+std::optional<InstrumentFile> find_instrument_file(const RigDescription& rig,
+                                                   const std::string& rig_file,
+                                                   const std::string& name);
+/// Names of the program's own, sorted.
+std::vector<std::string> instrument_file_names(const RigDescription& rig);
+
+/// As scripted::load(), with the host's units. Throws ConfigError with the file's line.
+scripted::Loaded load_instrument(const InstrumentFile& file,
+                                 const scripted::SettingValues& values = {});
+
+/// Every such file that the rig uses, each once: for its record.
+std::vector<InstrumentFile> instrument_files(const RigDescription& rig);
+
+/// What the guardian sends for an output with such a driver, on the link as the role's reader has
+/// it; empty where the driver is no file, or declares no rescue.
+std::string rescue_text(const ConfigReader& reader);
+
+}  // namespace vitreo
