@@ -125,6 +125,8 @@ class ByteDouble(Double):
         "strict": True,
         "nulls": 0,  # bytes of zero on the line at power-up, as many line drivers make
         "banner": "",  # a text at power-up
+        "pieces": 0,  # bytes at a time of what is said, as a USB converter or a network cuts it; 0: whole
+        "gap": 0.005,  # s between two pieces
     }
 
     def __init__(self, **options):
@@ -159,7 +161,9 @@ class ByteDouble(Double):
         due = now + self.late + after
         if self._out:
             due = max(due, self._out[-1][0])
-        self._out.append((due, bytes(data)))
+        step = self.pieces or len(data) or 1
+        for number, start in enumerate(range(0, len(data) or 1, step)):
+            self._out.append((due + number * self.gap, bytes(data[start:start + step])))
 
     def say(self, now):
         """What the instrument has sent up to now, as a list of (time, bytes), each told once."""
