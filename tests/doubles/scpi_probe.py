@@ -2,9 +2,9 @@
 
 Sources, named by their letters at the lines below:
   M421  Lake Shore Model 421 user's manual, pages 4-11, 4-12
-  M425  Lake Shore Model 425 user's manual, pages 52, 57 (chapter 6)
+  M425  Lake Shore Model 425 user's manual, pages 52, 56, 57 (chapter 6)
   M460  Lake Shore Model 460 user's manual, page 4-15
-  M475  Lake Shore Model 475 user's manual, pages 6-28, 6-38
+  M475  Lake Shore Model 475 user's manual, pages 6-7, 6-8 (status registers), 6-28, 6-38
   PM    github pymeasure/pymeasure pymeasure/instruments/lakeshore/lakeshore421.py, lakeshore425.py, test_lakeshore421.py
   IK    github instrumentkit/InstrumentKit tests/test_lakeshore/test_lakeshore475.py
   MPI   a public Julia driver of the 460 (GaussMeter, 7 bits odd parity, CR LF, *IDN? of a real one) and of the F71
@@ -49,13 +49,19 @@ class ScpiProbe(ByteDouble):
         "pause": 0.05,  # 421, 460: PM: 50 ms between writes, "the instrument cannot correctly handle writes any faster"
         "blank": " ",  # no source: what FIELDM? answers for a multiplier of 1: a blank, or nothing (PM maps '')
         "silent": False,  # answers nothing, as with a cable that is not plugged in
+        # no source for three things of the 425 and the 475; 0 and "" leave them out:
+        "zeroing": 0.0,  # s that ZPROBE takes; until then the reading is the old one and *OPC? waits (M475 6-28)
+        "overload": "",  # what RDGFIELD? says of a field beyond a range that is fixed; "": the field
+        "chatty": False,  # a terminator by itself ahead of each reply, as a converter that was plugged in leaves it
     }
-    STATE = ("field", "unit", "range", "auto", "channel", "zero", "errors", "lost", "settings", "probe")
+    STATE = ("field", "unit", "range", "auto", "channel", "zero", "errors", "lost", "settings", "probe", "peaks",
+             "temperature", "events", "zero_ends")
 
     def __init__(self, **options):
         self.field = [0.0, 0.0, 0.0]  # T at the probe: x, y, z; a meter of one axis measures z
         self.probe = True
         self.lost = 0
+        self.temperature = 25.0  # degC at the probe
         super().__init__(**options)
         if self.model not in IDENTITIES:
             raise Refused(f"no model '{self.model}'; there are {', '.join(IDENTITIES)}")
@@ -68,7 +74,8 @@ class ScpiProbe(ByteDouble):
         letters = self.model in ("421", "460")
         self.put(now, unit="G" if letters or self.model == "f71" else 1, range=[0, 0, 0] if letters else 4,
                  auto=[True] * 3 if letters else True, channel="X", zero=[0.0, 0.0, 0.0], errors=[],
-                 settings={})
+                 settings={}, peaks=[0.0, 0.0], zero_ends=None, events=0x80)  # M475 6-8: bit 7, power on
+        self._held = []
         self._tree = Tree({
             "*IDN?": lambda a: self.identity or IDENTITIES["f71"], "*RST": lambda a: None, "*CLS": self._clear,
             "*OPC?": lambda a: "1", "*ESR?": lambda a: "0",
@@ -108,11 +115,35 @@ class ScpiProbe(ByteDouble):
         reply = self._scpi(line, now) if self.model == "f71" else self._plain_text(line, now)
         if reply is None:
             return
+        self._say(reply, now)
+
+    def _say(self, reply, now):
         end = {"crlf": "\r\n", "lf": "\n", "cr": "\r"}[self.terminator]
-        data = bytearray((reply + end).encode("latin-1"))
+        data = bytearray(((end if self.chatty else "") + reply + end).encode("latin-1"))
         if self.parity:
             data = bytearray(each | (0x80 if bin(each).count("1") % 2 == 0 else 0) for each in data)
         self.answer(bytes(data), now)
+
+    # -- time ----------------------------------------------------------------------------------------------
+
+    def next_event(self):
+        """The end of zeroing."""
+        return self.zero_ends
+
+    def advance(self, now):
+        """Ends zeroing, keeps the peaks, and answers what waited for it."""
+        super().advance(now)
+        if self.zero_ends is not None and now >= self.zero_ends:
+            ended = self.zero_ends
+            self.put(ended, zero=list(self.field), zero_ends=None)
+            held, self._held = self._held, []
+            for reply in held:
+                self._say(reply, ended)
+
+    def arranged(self, now):
+        """M475 6-38, RDGPEAK?: the most negative and the most positive field."""
+        z = self._measured(2)
+        self.put(now, peaks=[min(self.peaks[0], z), max(self.peaks[1], z)])
 
     def _plain_text(self, line, now):
         """Lake Shore's older meters: several commands on a line are separated by semicolons (ISIS)."""
@@ -125,6 +156,7 @@ class ScpiProbe(ByteDouble):
             act = self._commands().get(name)
             if act is None:
                 self.tell(now, "unknown", unit)  # no source: an unknown command is passed over
+                self.events |= 0x20  # M475 6-8: command error, bit 5: an unrecognized header
                 continue
             told = act(argument, now)
             if told is not None:
@@ -158,7 +190,8 @@ class ScpiProbe(ByteDouble):
             "RDGFIELD?": lambda a, now: self._reading_425(),  # M475, PM: in the present unit
             "UNIT?": lambda a, now: str(self.unit), "UNIT": self._unit_425,  # M425: 1 G, 2 T, 3 Oe, 4 A/m
             "RANGE?": lambda a, now: str(self.range), "RANGE": self._range_425, "AUTO": self._auto_425,
-            "AUTO?": lambda a, now: str(int(self.auto)), "*OPC?": lambda a, now: "1",
+            "AUTO?": lambda a, now: str(int(self.auto)), "*OPC?": self._complete,
+            "*ESR?": self._events, "*CLS": lambda a, now: self.put(now, events=0),  # M475 6-7: reading clears it
             "TYPE?": lambda a, now: "40" if self.probe else "50",  # M425: 40 is a high-sensitivity probe
             "ZPROBE": self._zero, "RDGMODE?": lambda a, now: self.settings.get("RDGMODE", "1,3,1,1,1"),
             "RDGMODE": self._keep("RDGMODE"), "OPST?": lambda a, now: "000",
@@ -166,6 +199,13 @@ class ScpiProbe(ByteDouble):
         if self.model == "425":
             common["?"] = lambda a, now: self._reading_425()  # M425: reprocesses the last query; here the field
             common["RDGMODE?"] = lambda a, now: self.settings.get("RDGMODE", "1,0,1")  # PM: mode, filter, band
+            common["RDGMX?"] = lambda a, now: self._exponent(max(map(abs, self.peaks)))  # M425 p. 56
+            common["MXRST"] = self._forget_peaks  # no source at hand for the name
+        else:
+            # M475 6-38: <negative peak>,<positive peak>; the temperature in the present temperature units: degC
+            common["RDGPEAK?"] = lambda a, now: ",".join(self._exponent(each) for each in self.peaks)
+            common["RDGTEMP?"] = lambda a, now: self._exponent(self.temperature, 1.0)
+            common["PKRST"] = self._forget_peaks  # no source at hand for the name
         return common
 
     def _keep(self, name):
@@ -245,26 +285,52 @@ class ScpiProbe(ByteDouble):
             self.put(now, channel=argument.upper())
 
     def _zero(self, argument, now):
+        if self.zeroing and self.model in ("425", "475"):
+            self.put(now, zero_ends=now + self.zeroing)
+            return
         self.put(now, zero=list(self.field))  # PM zero_probe; it takes some 20 s there
+
+    def _forget_peaks(self, argument, now):
+        self.put(now, peaks=[self._measured(2)] * 2)
+
+    def _events(self, argument, now):
+        told, self.events = self.events, 0
+        return str(told)
+
+    def _complete(self, argument, now):
+        """M475 6-28: held until the operation is complete."""
+        if self.zero_ends is None:
+            return "1"
+        self._held.append("1")
+        return None
 
     # -- 425, 475: numbers for units, exponents -------------------------------------------------------------
 
     def _reading_425(self):
-        tesla = {1: GAUSS, 2: 1.0, 3: OERSTED_T, 4: AMPERE_PER_METRE_T}[self.unit]
-        value = self._measured(2) / tesla
+        value = self._measured(2)
+        if self.overload and not self.auto and abs(value) > RANGES_425[self.range] * GAUSS:
+            return self.overload
+        return self._exponent(value)
+
+    def _exponent(self, value, unit=None):
+        """M475: format +-nnn.nnnE+-nn, in the present unit of the field unless told."""
+        value /= unit or {1: GAUSS, 2: 1.0, 3: OERSTED_T, 4: AMPERE_PER_METRE_T}[self.unit]
         if value == 0:
             return "+000.000E+00"
-        # M475: format +-nnn.nnnE+-nn
         exponent = 3 * math.floor(math.log10(abs(value)) / 3)
         return f"{value / 10**exponent:+08.3f}E{exponent:+03d}"
 
     def _unit_425(self, argument, now):
         if argument in ("1", "2", "3", "4"):
             self.put(now, unit=int(argument))
+        else:
+            self.events |= 0x10  # M475 6-8: execution error, bit 4: not within its capabilities
 
     def _range_425(self, argument, now):
         if argument.isdigit() and int(argument) in RANGES_425:
             self.put(now, range=int(argument), auto=False)
+        else:
+            self.events |= 0x10
 
     def _auto_425(self, argument, now):
         self.put(now, auto=argument in ("", "1"))  # PM sends AUTO alone; no source for AUTO 0 on a 425

@@ -97,6 +97,48 @@ class ScpiProbeTest(unittest.TestCase):
         line.ask("ZPROBE")
         self.assertEqual(line.ask("RDGFIELD?"), "+000.000E+00")
 
+    def test_zeroing_takes_its_time_and_opc_waits_for_it(self):
+        line = Line(model="475", zeroing=3.0)
+        line.meter.arrange(0.0, field=[0, 0, 5e-5])
+        line.ask("ZPROBE")
+        self.assertEqual(line.ask("RDGFIELD?"), "+500.000E-03")
+        self.assertEqual(line.raw(b"*OPC?\r\n", pause=2.0), b"")
+        self.assertEqual(line.raw(b"", pause=0.95), b"1\r\n")
+        self.assertEqual(line.ask("RDGFIELD?"), "+000.000E+00")
+
+    def test_a_wrong_command_is_silent_and_stands_in_the_register(self):
+        for model in ("425", "475"):
+            line = Line(model=model)
+            self.assertEqual(line.ask("*ESR?"), "128")  # power on
+            self.assertEqual(line.ask("FELD?"), "")
+            self.assertEqual((line.ask("*ESR?"), line.ask("*ESR?")), ("32", "0"))
+            self.assertEqual(line.ask("UNIT 7;UNIT?"), "1")
+            self.assertEqual(line.ask("*ESR?"), "16")
+            line.ask("RANGE 9;*CLS")
+            self.assertEqual(line.ask("*ESR?"), "0")
+
+    def test_peaks_and_the_temperature_of_a_475(self):
+        line = Line(model="475")
+        line.meter.arrange(0.0, field=[0, 0, 0.01])
+        line.meter.arrange(0.0, field=[0, 0, -0.002])
+        self.assertEqual(line.ask("RDGPEAK?"), "-020.000E+00,+100.000E+00")
+        self.assertEqual(line.ask("RDGTEMP?"), "+025.000E+00")
+        line.ask("PKRST")
+        self.assertEqual(line.ask("RDGPEAK?"), "-020.000E+00,-020.000E+00")
+
+    def test_an_overload_where_it_is_said(self):
+        line = Line(model="425", overload="OL")
+        line.meter.arrange(0.0, field=[0, 0, 0.05])
+        self.assertEqual(line.ask("RDGFIELD?"), "+500.000E+00")
+        self.assertEqual(line.ask("RANGE 2;RDGFIELD?"), "OL")
+        self.assertEqual(line.ask("AUTO;RDGFIELD?"), "+500.000E+00")
+
+    def test_a_reply_in_pieces_behind_an_empty_line(self):
+        line = Line(model="475", pieces=4, gap=0.02, chatty=True, terminator="lf")
+        self.assertEqual(line.raw(b"RDGFIELD?\n"), b"\n+00")
+        self.assertEqual(line.raw(b"", pause=0.021), b"0.00")
+        self.assertEqual(line.raw(b"", pause=1.0), b"0E+00\n")
+
     def test_a_teslameter_speaks_scpi(self):
         line = Line(model="f71")
         line.meter.arrange(0.0, field=[0.003, 0.0, 0.004])

@@ -217,6 +217,13 @@ class ThorlabsAptTest(unittest.TestCase):
         self.assertEqual(line.unit.ignored, 4)
         self.assertEqual(line.position(), 0)
 
+    def test_a_less_strict_one_takes_a_message_that_is_too_long(self):
+        for strict, numbers in ((True, []), (False, [0x0464])):
+            line = Line(strict=strict)
+            line.home()
+            told = line.long(0x0453, "<Hi2x", 1, 1000, seconds=5.0)
+            self.assertEqual([each[0] for each in told], numbers)
+
     def test_it_forgets_its_place_without_power(self):
         line = Line()
         line.home()

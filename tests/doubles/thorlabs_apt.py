@@ -234,13 +234,14 @@ class ThorlabsApt(ByteDouble):
     # -- messages ------------------------------------------------------------------------------------------
 
     # YAQ functions.py, F: the length of the data of each message that has some
-    LENGTHS = {0x0410: (6,), 0x0413: (14,), 0x0416: (22,), 0x0423: (16,), 0x043A: (6,), 0x0440: (14,), 0x0448: (6,),
-               0x0453: (6,)}
+    LENGTHS = {0x0410: 6, 0x0413: 14, 0x0416: 22, 0x0423: 16, 0x043A: 6, 0x0440: 14, 0x0448: 6, 0x0453: 6}
 
     def _command(self, number, param1, param2, data, now):
         """Carries out one message; False where it is not known or not of its length."""
-        if data is not None and (len(data) not in self.LENGTHS.get(number, ()) or struct.unpack_from("<H", data)[0] != 1):
-            return False
+        if data is not None:
+            fits = len(data) == self.LENGTHS.get(number) if self.strict else len(data) >= self.LENGTHS.get(number, 1 << 16)
+            if not fits or struct.unpack_from("<H", data)[0] != 1:
+                return False  # no source: a message of another length is passed over; less strict: only a shorter one
         act = (self._with_data if data is not None else self._without_data)(number, param1, param2, data, now)
         return act is not False
 
