@@ -24,7 +24,8 @@ import tty
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 
-from double import ByteDouble, HidDouble, Refused, RegisterDouble, UsbDouble, plain  # noqa: E402
+from double import TIMED_OUT, ByteDouble, HidDouble, Refused, RegisterDouble, UsbDouble, plain  # noqa: E402
+from usbtmc import UsbtmcDouble, UsbtmcLine  # noqa: E402
 
 
 def make(instrument, options):
@@ -216,6 +217,7 @@ class FrameServer:
         self.double, self.link, self.log = double, link, log
         self.buffer = b""
         self.replies = []  # (time, frame)
+        self.reading = None  # a bulk read that has nothing yet: (endpoint, length, until)
 
     def step(self, now, readable):
         """Takes whole frames, sends answers and reports that are due."""
@@ -224,9 +226,10 @@ class FrameServer:
             had = self.link.client
             data = self.link.read(descriptor)
             if self.link.client is not had:
-                self.buffer = b""  # a new client, or none
+                self.buffer, self.reading = b"", None  # a new client, or none
             self.buffer += data
-        while len(self.buffer) >= 4:
+        self.read_on(now)
+        while self.reading is None and len(self.buffer) >= 4:
             (size,) = struct.unpack_from("<I", self.buffer)
             if len(self.buffer) < 4 + size:
                 break
@@ -284,11 +287,33 @@ class FrameServer:
                 result, data = double.control(request_type, request, value, index, body[8:8 + length], now), b""
             self.replies.append((now + double.delay(), b"A" + struct.pack("<i", result) + data))
             return
+        elif kind == b"B" and len(body) >= 1 and isinstance(double, UsbtmcDouble):
+            self.replies.append((now, b"A" + struct.pack("<i", double.bulk_out(body[0], body[1:], now))))
+            return
+        elif kind == b"R" and len(body) == 9 and isinstance(double, UsbtmcDouble):
+            endpoint, length, patience = struct.unpack("<BII", body)
+            self.reading = (endpoint, length, now + patience / 1000)
+            self.read_on(now)
+            return
         self.replies.append((now, b"A" + struct.pack("<i", -errno.EINVAL)))
+
+    def read_on(self, now):
+        """Ends a bulk read when there are bytes, a halt, or no time left; the frames behind it wait."""
+        if self.reading is None:
+            return
+        endpoint, length, until = self.reading
+        got = self.double.bulk_in(endpoint, length, now)
+        if got is None and now < until:
+            return
+        self.reading = None
+        got = TIMED_OUT if got is None else got
+        whole = struct.pack("<i", got) if isinstance(got, int) else struct.pack("<i", len(got)) + got
+        self.replies.append((now, b"A" + whole))
 
     def next(self):
         """When there will be something to do."""
-        return earliest(self.double.next(), *(each[0] for each in self.replies[:1]))
+        reading = (self.reading[2], self.double.wait_in()) if self.reading is not None else ()
+        return earliest(self.double.next(), *reading, *(each[0] for each in self.replies[:1]))
 
 
 def earliest(*times):
@@ -406,7 +431,8 @@ def main():
         parser.error(str(error))
     if not isinstance(double, (ByteDouble, HidDouble, UsbDouble, RegisterDouble)):
         parser.error(f"{given.instrument} has a server of its own: gige_serve.py")
-    if isinstance(double, ByteDouble) == bool(given.socket):
+    bytewise = isinstance(double, ByteDouble) or (isinstance(double, UsbtmcDouble) and not given.socket)
+    if bytewise == bool(given.socket):
         parser.error(f"{given.instrument} is served " + ("on --pty or --tcp" if given.socket else "on --socket"))
     book = open(given.log, "w", encoding="utf-8") if given.log else None
 
@@ -421,8 +447,9 @@ def main():
         link = StreamLink(socket.AF_UNIX, given.socket)
     else:
         link = StreamLink(socket.AF_INET, ("127.0.0.1", given.tcp))
-    if isinstance(double, ByteDouble):
-        server = ByteServer(double, link, given.baud, log)
+    if bytewise:
+        line = UsbtmcLine(double) if isinstance(double, UsbtmcDouble) else double
+        server = ByteServer(line, link, given.baud, log)
     else:
         server = FrameServer(double, link, log)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))

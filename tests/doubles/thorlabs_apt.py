@@ -318,7 +318,7 @@ class ThorlabsApt(ByteDouble):
         self._long(number + 1, struct.pack("<H" + form[1:], 1, *values), now)
 
     def _info(self, now):
-        """84 bytes: YAQ hw_get_info: serial, model, type, firmware, 48 notes, 12 of stage, hw, state, channels; F: stage at 76."""
+        """84 bytes: YAQ hw_get_info: serial, model, type, firmware, notes, stage, hardware, state, channels; F: stage at 76."""
         major, minor, interim = (int(each) for each in self.firmware.split("."))
         notes = b"K-Cube DC servo".ljust(46, b"\0")
         head = struct.pack("<I8sH4B", self.serial, self.model.encode().ljust(8, b"\0"), 16, interim, minor, major, 0)
