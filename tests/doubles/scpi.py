@@ -29,6 +29,7 @@ TEXTS = {
     -113: "Undefined header",
     -120: "Numeric data error",
     -141: "Invalid character data",
+    -211: "Trigger ignored",
     -221: "Settings conflict",
     -222: "Data out of range",
     -223: "Too much data",

@@ -1,6 +1,7 @@
-"""Puts a double of an instrument on a pseudo-terminal, a TCP port or a Unix socket.
+"""Puts a double of an instrument on a pseudo-terminal, a TCP or UDP port or a Unix socket.
 
-  serve.py INSTRUMENT [--option k=v ...] (--pty | --tcp PORT | --socket PATH) [--baud N] [--seconds N] [--log FILE]
+  serve.py INSTRUMENT [--option k=v ...] (--pty | --tcp PORT | --udp PORT | --socket PATH) [--baud N] [--seconds N]
+           [--log FILE]
 
 Prints one line with the path of the pseudo-terminal or socket or with 127.0.0.1:PORT, then answers each JSON command
 on its standard input with one JSON line. README.md describes the commands and the frames of the socket.
@@ -183,6 +184,49 @@ class StreamLink:
             except OSError:
                 self.client.close()
                 self.client = None
+
+
+class DatagramLink:
+    """A UDP port; the answer goes to where the last datagram came from."""
+
+    def __init__(self, address):
+        self.address, self.socket, self.peer = address, None, None
+        self.plug()
+
+    def plug(self):
+        """Takes the port; returns the address for the client."""
+        if self.socket is None:
+            self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            self.socket.bind(self.address)
+            self.address = self.socket.getsockname()
+        return self.name()
+
+    def unplug(self):
+        """Gives the port up: what is sent then is lost."""
+        if self.socket is not None:
+            self.socket.close()
+        self.socket = self.peer = None
+
+    def name(self):
+        """The address for the client."""
+        return f"{self.address[0]}:{self.address[1]}"
+
+    def readable(self):
+        """File descriptors to wait for."""
+        return [] if self.socket is None else [self.socket.fileno()]
+
+    def read(self, _):
+        """One datagram of a client."""
+        data, self.peer = self.socket.recvfrom(65536)
+        return data
+
+    def write(self, data):
+        """One datagram to the last client."""
+        if self.socket is not None and self.peer is not None:
+            try:
+                self.socket.sendto(data, self.peer)
+            except OSError:
+                pass
 
 
 class ByteServer:
@@ -420,6 +464,7 @@ def main():
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--pty", action="store_true")
     where.add_argument("--tcp", type=int, metavar="PORT")
+    where.add_argument("--udp", type=int, metavar="PORT")
     where.add_argument("--socket", metavar="PATH")
     parser.add_argument("--baud", type=int, default=0)
     parser.add_argument("--seconds", type=float)
@@ -433,7 +478,7 @@ def main():
         parser.error(f"{given.instrument} has a server of its own: gige_serve.py")
     bytewise = isinstance(double, ByteDouble) or (isinstance(double, UsbtmcDouble) and not given.socket)
     if bytewise == bool(given.socket):
-        parser.error(f"{given.instrument} is served " + ("on --pty or --tcp" if given.socket else "on --socket"))
+        parser.error(f"{given.instrument} is served " + ("on --pty, --tcp or --udp" if given.socket else "on --socket"))
     book = open(given.log, "w", encoding="utf-8") if given.log else None
 
     def log(when, side, data):
@@ -445,6 +490,8 @@ def main():
         link = PtyLink()
     elif given.socket:
         link = StreamLink(socket.AF_UNIX, given.socket)
+    elif given.udp is not None:
+        link = DatagramLink(("127.0.0.1", given.udp))
     else:
         link = StreamLink(socket.AF_INET, ("127.0.0.1", given.tcp))
     if bytewise:
