@@ -35,6 +35,7 @@ TEXTS = {
     -223: "Too much data",
     -350: "Queue overflow",
     -400: "Query error",
+    -410: "Query INTERRUPTED",
 }
 
 

@@ -129,6 +129,11 @@ class ScpiSupply(ByteDouble):
         self._line.clear()
         self._out.clear()
 
+    def interrupted(self, now):
+        """4882 6.3.2.3: query INTERRUPTED."""
+        self._out.clear()
+        self._error(-410, now)
+
     def trigger(self, now):
         """4882 6.1.4.2.5: nothing is armed here."""
         self._error(-211, now)
