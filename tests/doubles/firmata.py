@@ -96,7 +96,7 @@ class Firmata(ByteDouble):
             super().advance(event)
             if not self._said_hello:
                 self._said_hello = True
-                self._version(event)  # LIB begin(): printVersion, printFirmwareVersion: nobody asked
+                self._version(event)  # LIB begin(): printVersion, printFirmwareVersion, unasked
                 self._firmware(event)
                 continue
             self._sampled = event

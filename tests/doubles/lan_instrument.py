@@ -13,7 +13,7 @@ class LanInstrument:
         if not isinstance(double, ByteDouble):
             raise Refused("only an instrument of text messages can be on VXI-11 or HiSLIP")
         self.double = double
-        self.waiting = bytearray()  # answers that nobody has read
+        self.waiting = bytearray()  # answers that are not read yet
         self._asserted = False
 
     def write(self, data, end, now):

@@ -1,7 +1,7 @@
-"""Puts a double of an instrument on a pseudo-terminal, a TCP or UDP port or a Unix socket.
+"""Puts a double of an instrument on a pseudo-terminal, a TCP or UDP port, a FIFO, a Unix socket or the kernel's uinput.
 
-  serve.py INSTRUMENT [--option k=v ...] (--pty | --tcp PORT | --udp PORT | --socket PATH) [--baud N] [--seconds N]
-           [--log FILE]
+  serve.py INSTRUMENT [--option k=v ...] (--pty | --tcp PORT | --udp PORT | --fifo PATH | --uinput | --socket PATH)
+           [--baud N] [--seconds N] [--log FILE]
 
 Prints one line with the path of the pseudo-terminal or socket or with 127.0.0.1:PORT, then answers each JSON command
 on its standard input with one JSON line. README.md describes the commands and the frames of the socket.
@@ -10,6 +10,7 @@ SPDX-License-Identifier: Apache-2.0
 
 import argparse
 import errno
+import fcntl
 import importlib
 import json
 import os
@@ -227,6 +228,115 @@ class DatagramLink:
                 self.socket.sendto(data, self.peer)
             except OSError:
                 pass
+
+
+class FifoLink:
+    """A FIFO of what the instrument says; what is said while nothing reads is lost, as with evdev."""
+
+    def __init__(self, path):
+        self.path, self.end = path, None
+        self.there = False
+        self.plug()
+
+    def plug(self):
+        """Makes the FIFO; returns its path."""
+        if not self.there:
+            os.mkfifo(self.path)
+            self.there = True
+        return self.path
+
+    def unplug(self):
+        """Takes it away: the reader reads an end of file."""
+        if self.end is not None:
+            os.close(self.end)
+        if self.there:
+            os.unlink(self.path)
+        self.end, self.there = None, False
+
+    def name(self):
+        """The path for the client."""
+        return self.path
+
+    def readable(self):
+        """There is nothing to wait for."""
+        return []
+
+    def write(self, data):
+        """Bytes to the reader, whole or not at all."""
+        try:
+            if self.end is None and self.there:
+                self.end = os.open(self.path, os.O_WRONLY | os.O_NONBLOCK)
+            if self.end is not None:
+                os.write(self.end, data)
+        except OSError as error:
+            if error.errno in (errno.EPIPE, errno.ENXIO) and self.end is not None:
+                os.close(self.end)
+                self.end = None
+
+
+def ioc(direction, number, size):
+    """Linux include/uapi/asm-generic/ioctl.h, of uinput's letter U: direction 1 writes, 2 reads."""
+    return direction << 30 | size << 16 | ord("U") << 8 | number
+
+
+# Linux include/uapi/linux/uinput.h
+UI_DEV_CREATE, UI_DEV_DESTROY, UI_DEV_SETUP, UI_ABS_SETUP = ioc(0, 1, 0), ioc(0, 2, 0), ioc(1, 3, 92), ioc(1, 4, 28)
+UI_SET_EVBIT, UI_SET_KEYBIT, UI_SET_ABSBIT, UI_GET_SYSNAME = ioc(1, 100, 4), ioc(1, 101, 4), ioc(1, 103, 4), ioc(2, 44, 64)
+
+
+class UinputLink:
+    """An input device of the kernel's own; needs /dev/uinput. The kernel sets the times of the events."""
+
+    def __init__(self, table):
+        self.table, self.device = table, None
+        self.plug()
+
+    def plug(self):
+        """Makes the device; returns the path of its event node."""
+        if self.device is None:
+            self.device = os.open("/dev/uinput", os.O_WRONLY | os.O_NONBLOCK)
+            for kind in (1, 3):
+                fcntl.ioctl(self.device, UI_SET_EVBIT, kind)
+            for code in self.table["keys"]:
+                fcntl.ioctl(self.device, UI_SET_KEYBIT, code)
+            for code, each in self.table["abs"].items():
+                fcntl.ioctl(self.device, UI_SET_ABSBIT, int(code))
+                fcntl.ioctl(self.device, UI_ABS_SETUP, abs_setup(int(code), each))
+            fcntl.ioctl(self.device, UI_DEV_SETUP, device_setup(self.table))
+            fcntl.ioctl(self.device, UI_DEV_CREATE)
+        return self.name()
+
+    def unplug(self):
+        """Takes the device away: readers of its node get ENODEV."""
+        if self.device is not None:
+            fcntl.ioctl(self.device, UI_DEV_DESTROY)
+            os.close(self.device)
+        self.device = None
+
+    def name(self):
+        """The path of the event node, which udev may make a little later."""
+        name = fcntl.ioctl(self.device, UI_GET_SYSNAME, bytes(64)).rstrip(b"\0").decode()
+        nodes = sorted(pathlib.Path("/sys/devices/virtual/input", name).glob("event*"))
+        return f"/dev/input/{nodes[0].name}" if nodes else name
+
+    def readable(self):
+        """There is nothing to wait for."""
+        return []
+
+    def write(self, data):
+        """Whole events to the kernel."""
+        if self.device is not None:
+            os.write(self.device, data)
+
+
+def abs_setup(code, axis):
+    """struct uinput_abs_setup: code, two bytes of nothing, struct input_absinfo: value, least, most, fuzz, flat, resolution."""
+    return struct.pack("<Hxx6i", code, 0, axis["minimum"], axis["maximum"], axis["fuzz"], axis["flat"], 0)
+
+
+def device_setup(table):
+    """struct uinput_setup: struct input_id, a name of 80 bytes, the number of effects."""
+    return struct.pack("<4H80sI", table["bus"], table["vendor"], table["product"], table["version"], table["name"].encode(), 0)
 
 
 class ByteServer:
@@ -465,6 +575,8 @@ def main():
     where.add_argument("--pty", action="store_true")
     where.add_argument("--tcp", type=int, metavar="PORT")
     where.add_argument("--udp", type=int, metavar="PORT")
+    where.add_argument("--fifo", metavar="PATH")
+    where.add_argument("--uinput", action="store_true")
     where.add_argument("--socket", metavar="PATH")
     parser.add_argument("--baud", type=int, default=0)
     parser.add_argument("--seconds", type=float)
@@ -478,7 +590,7 @@ def main():
         parser.error(f"{given.instrument} has a server of its own: gige_serve.py")
     bytewise = isinstance(double, ByteDouble) or (isinstance(double, UsbtmcDouble) and not given.socket)
     if bytewise == bool(given.socket):
-        parser.error(f"{given.instrument} is served " + ("on --pty, --tcp or --udp" if given.socket else "on --socket"))
+        parser.error(f"{given.instrument} is served " + ("on --pty, --tcp, --udp or --fifo" if given.socket else "on --socket"))
     book = open(given.log, "w", encoding="utf-8") if given.log else None
 
     def log(when, side, data):
@@ -486,7 +598,16 @@ def main():
             text = data[:256].hex(" ") + (f" ... {len(data)} bytes" if len(data) > 256 else "")
             print(json.dumps([round(when, 6), side, text]), file=book, flush=True)
 
-    if given.pty:
+    if given.uinput and not hasattr(double, "capabilities"):
+        parser.error(f"{given.instrument} is no input device")
+    if given.uinput:
+        try:
+            link = UinputLink(double.capabilities)
+        except OSError as error:
+            parser.error(f"no uinput: {error}")
+    elif given.fifo:
+        link = FifoLink(given.fifo)
+    elif given.pty:
         link = PtyLink()
     elif given.socket:
         link = StreamLink(socket.AF_UNIX, given.socket)

@@ -382,10 +382,12 @@ class ServedTest(unittest.TestCase):
             with socket.create_connection(("127.0.0.1", served.ports["portmap"]), PATIENCE) as link:
                 self.assertEqual(call(link, ask), uints(served.ports["core"]))
             with socket.create_connection(("127.0.0.1", served.ports["core"]), PATIENCE) as link:
-                error, number, abort, _ = struct.unpack(">4I", call(link, record(2, CORE, 1, 10, uints(1, 0, 0) + opaque(b"inst0"))))
+                told = call(link, record(2, CORE, 1, 10, uints(1, 0, 0) + opaque(b"inst0")))
+                error, number, abort, _ = struct.unpack(">4I", told)
                 self.assertEqual((error, abort), (0, served.ports["abort"]))
                 text = b"VOLT 5;CURR 1;OUTP ON;:MEAS:VOLT?"
-                self.assertEqual(call(link, record(3, CORE, 1, 11, uints(number, 1000, 0, 8) + opaque(text))), uints(0, len(text)))
+                told = call(link, record(3, CORE, 1, 11, uints(number, 1000, 0, 8) + opaque(text)))
+                self.assertEqual(told, uints(0, len(text)))
                 told = call(link, record(4, CORE, 1, 12, uints(number, 100, 5000, 0, 0, 0)))
                 self.assertEqual(struct.unpack_from(">2I", told), (0, 4))
                 begun = time.monotonic()

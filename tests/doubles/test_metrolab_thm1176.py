@@ -133,7 +133,7 @@ class UsbtmcTest(unittest.TestCase):
         self.assertTrue(data[5] & 1 and data[14] & 4 and data[15] & 8)  # TermChar, 488.2, SCPI
         host.write("*RTS")
         self.assertEqual(host.control(0xA1, 128, 2, 0, 3), (3, b"\x01\x02\x00"))
-        self.assertEqual(host.control(0xA1, 128, 3, 0, 3), (3, b"\x20\x03\x00"))  # nobody has read the first
+        self.assertEqual(host.control(0xA1, 128, 3, 0, 3), (3, b"\x20\x03\x00"))  # the first is not read yet
         self.assertEqual(host.probe.bulk_in(INTERRUPT, 2, 0.0), b"\x82\x04")
         plain = Host(interrupt=False)
         self.assertEqual(plain.control(0xA1, 128, 2, 0, 3), (3, b"\x01\x02\x00"))

@@ -186,13 +186,21 @@ class ServeTest(unittest.TestCase):
             def write(self, data):
                 pass
 
-        arranged = {"zaber": {"knobs": [1000.0]}, "spacemouse": {"deflection": [9] * 6}, "foot_pedal": {"left": True}}
+        arranged = {"zaber": {"knobs": [1000.0]}, "spacemouse": {"deflection": [9] * 6}, "foot_pedal": {"left": True},
+                    "game_pad": {"left_x": 1.0}}
+        heard = {  # what sets them going
+            "thorlabs_apt": b"\x11\0\0\0\x50\1\x43\4\1\0\x50\1", "newport_conex": b"1OR\r\n", "firmata": b"\xc0\1",
+            "new_era": b"SAF1\rRAT5MM\rVOL.01\rRUN\r", "harvard_pump11": b"ULM600\rMLT10\rRUN\r",
+            "temperature_controller": b"\1\3\0\0\0\2\xc4\x0b", "scpi_supply": b"VOLT 9;OUTP ON;:MEAS:VOLT?\n",
+            "lakeshore_monitor": b"KRDG?\r\n",
+        }
         for instrument in ("kepco_bop", "usb3103", "pololu_tic", "zaber", "sutter_mp285", "sutter_mpc200", "scpi_probe",
-                           "foot_pedal", "spacemouse", "iidc"):
+                           "foot_pedal", "spacemouse", "iidc", "game_pad", "metrolab_thm1176", *heard):
             double = serve.make(instrument, [])
             double.arrange(0.0, **arranged.get(instrument, {}))
             if isinstance(double, ByteDouble):
-                double.receive(b"V\0\4\rm" + bytes(10) + b"\1\0\r", 0.0)  # an MP-285 moves, others shrug
+                # an MP-285 moves at the default, others shrug
+                double.receive(heard.get(instrument, b"V\0\4\rm" + bytes(10) + b"\1\0\r"), 0.0)
                 server = serve.ByteServer(double, NoLink(), 9600, lambda *_: None)
             else:
                 server = serve.FrameServer(double, NoLink(), lambda *_: None)

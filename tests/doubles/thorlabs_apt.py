@@ -45,7 +45,7 @@ class ThorlabsApt(ByteDouble):
         "swapped": False,  # PLL has bit 0, 4 and 6 as backward, YAQ as forward
         "at_limit": "stopped",  # no source: what is said at a switch: stopped, completed, or nothing
         "idle_stop": True,  # no source: whether a stop at rest is answered
-        "chatty": False,  # a status update and a 0x0080 before each answer, which nobody asked for
+        "chatty": False,  # an unasked status update and a 0x0080 before each answer
     }
     STATE = (
         "rail", "position", "velocity", "status", "enabled", "homed", "updating", "silenced", "ignored", "completed",

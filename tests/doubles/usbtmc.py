@@ -27,7 +27,7 @@ class UsbtmcDouble(UsbDouble):
         **UsbDouble.OPTIONS,
         "pieces": 0,  # the most bytes of data in one DEV_DEP_MSG_IN; 0: as many as the host takes
         "interrupt": True,  # has an interrupt pipe: the status byte goes there (488 4.3.1)
-        "chatty": False,  # a service request (488 table 7) on the interrupt pipe before each answer, which nobody enabled
+        "chatty": False,  # a service request (488 table 7) on the interrupt pipe before each answer, not enabled
     }
     CLASS = (0xFE, 3, 1)  # TMC 4.2.2, 488 3.2: application class, test and measurement, USB488
     BULK_OUT, BULK_IN, INTERRUPT_IN = 0x02, 0x81, 0x83  # no source: an instrument numbers its endpoints as it likes
@@ -209,7 +209,7 @@ class UsbtmcDouble(UsbDouble):
             if not self.interrupt:
                 return bytes([SUCCESS, value, self.status_byte(now)])
             if self._interrupts:
-                return bytes([INTERRUPT_BUSY, value, 0])  # as the maker's manual warns: nobody reads the pipe
+                return bytes([INTERRUPT_BUSY, value, 0])  # as the maker's manual warns: the pipe is not read
             self._interrupts.append(bytes([0x80 | value, self.status_byte(now)]))  # 488 table 7
             return bytes([SUCCESS, value, 0])
         if request in (160, 161, 162):  # 488 table 15: REN_CONTROL, GO_TO_LOCAL, LOCAL_LOCKOUT
