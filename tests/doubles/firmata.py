@@ -40,6 +40,7 @@ class Firmata(ByteDouble):
     OPTIONS = {
         **ByteDouble.OPTIONS,
         "name": "StandardFirmata.ino",  # LIB setFirmwareNameAndVersion: what stands before .cpp
+        "protocol": "2.5",  # or 2.8: the sampling interval can be asked for (PRO)
         "boot": BOOT,  # s; opening the port resets an Uno: a server of a pseudo-terminal cannot see that, `power_cycle` is it
         "noise": 0,  # counts that the analog inputs jitter, by a rule
         "chatty": False,  # a text message ahead of each answer
@@ -174,7 +175,7 @@ class Firmata(ByteDouble):
             self._version(now)
 
     def _version(self, now):
-        self.answer(bytes([0xF9, 2, 5]), now)  # LIB FirmataConstants.h: protocol 2.5
+        self.answer(bytes([0xF9, *(int(each) for each in self.protocol.split("."))]), now)  # LIB FirmataConstants.h: 2.5
 
     def _firmware(self, now):
         self._say(0x79, bytes([2, 5]) + pairs(self.name), now)  # INO: FIRMATA_FIRMWARE_MAJOR_VERSION, MINOR: 2.5
@@ -271,6 +272,8 @@ class Firmata(ByteDouble):
             self._firmware(now)  # LIB
         elif kind == 0x7A and len(rest) > 1:
             self.put(now, interval_ms=max(1, rest[0] | rest[1] << 7))  # INO MINIMUM_SAMPLING_INTERVAL
+        elif kind == 0x7C and self.protocol == "2.8":
+            self._say(0x7A, bytes([self.interval_ms & 0x7F, self.interval_ms >> 7]), now)  # PRO
         elif kind == 0x6F and len(rest) > 1:
             value = rest[1] | (rest[2] << 7 if len(rest) > 2 else 0) | (rest[3] << 14 if len(rest) > 3 else 0)
             self._analog_write(rest[0], value, now)

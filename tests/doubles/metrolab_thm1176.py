@@ -65,7 +65,7 @@ class MetrolabThm1176(UsbtmcDouble):
         super().start(now)
         self._born = now
         self._messages, self._units, self._unit = [], None, None
-        self._busy_until = None
+        self._busy_until = self._zero_ends = self._measuring = None
         self._events, self._enables = 0x80, {"ESE": 0, "SRE": 0, "OPER": 0, "QUES": 0}  # MAN 6-3: bit 7 power on
         self._ques_event = self._ques = self._oper_event = 0
         self.put(now, errors=[], asleep=False)
@@ -178,6 +178,7 @@ class MetrolabThm1176(UsbtmcDouble):
     def reset_input(self, now):
         """INITIATE_CLEAR: MAN 6-4."""
         self._messages, self._units, self._unit, self._busy_until = [], None, None, None
+        self._zero_ends = self._measuring = None
 
     def query_error(self, code, now):
         """MAN 9-4-2, 9-4-3."""
@@ -374,7 +375,7 @@ class MetrolabThm1176(UsbtmcDouble):
         self.put(now, offset=[0.0, 0.0, 0.0])
 
     def _take_time(self, now):
-        if getattr(self, "_zero_ends", None) is None:
+        if self._zero_ends is None:
             self._zero_ends = now + self.zeroing
         if now < self._zero_ends - 1e-9:
             raise Wait(self._zero_ends)
@@ -460,7 +461,7 @@ class MetrolabThm1176(UsbtmcDouble):
 
     def _measure(self, verb, size, now):
         """MAN :READ: aborts pending triggers and measures; :MEASure with the default parameters. Waits for the end."""
-        if self._unit is not None and getattr(self, "_measuring", None) is self._unit:
+        if self._unit is not None and self._measuring is self._unit:
             if self._run is not None:
                 raise Wait(self._end(now))
             self._measuring = None

@@ -266,7 +266,7 @@ class NewEra(ByteDouble):
             raise Error("NA")  # M500 5.4.1: units cannot be changed while pumping
         value = self._number(form[1], 0.0, 9999.0)
         rate = value / PER_ML[units]
-        if value and not SLOWEST * self._area() / 1000 <= rate <= FASTEST * self._area() / 1000:
+        if (value or self._moving()) and not SLOWEST * self._area() / 1000 <= rate <= FASTEST * self._area() / 1000:
             raise Error("OOR")  # M500 quick start: out of range
         if self.running:
             self.put(now, rate_ml_s=rate)  # M500 5.4.1: at once, and not stored

@@ -34,6 +34,7 @@ TEXTS = {
     -222: "Data out of range",
     -223: "Too much data",
     -350: "Queue overflow",
+    -363: "Input buffer overrun",
     -400: "Query error",
     -410: "Query INTERRUPTED",
 }

@@ -9,6 +9,7 @@ Sources, named by their letters at the lines below:
   IK    github instrumentkit/InstrumentKit tests/test_lakeshore/test_lakeshore475.py
   MPI   a public Julia driver of the 460 (GaussMeter, 7 bits odd parity, CR LF, *IDN? of a real one) and of the F71
   ISIS  ISIS' Lakeshore460 emulator (commands, CR LF, several commands on a line separated by semicolons)
+  M218  Lake Shore Model 218 user's manual, page 6-10: message flow
   LS    Lake Shore's own Python driver (teslameter.py and its tests), NICOS' F71Teslameter
   SCPI  SCPI-99
 SPDX-License-Identifier: Apache-2.0
@@ -50,6 +51,7 @@ class ScpiProbe(ByteDouble):
         "blank": " ",  # no source: what FIELDM? answers for a multiplier of 1: a blank, or nothing (PM maps '')
         "silent": False,  # answers nothing, as with a cable that is not plugged in
         # no source for three things of the 425 and the 475; 0 and "" leave them out:
+        "flow": False,  # 425, 475: what comes within `pause` of an answer is lost too (M218 6-10, the same maker's)
         "zeroing": 0.0,  # s that ZPROBE takes; until then the reading is the old one and *OPC? waits (M475 6-28)
         "overload": "",  # what RDGFIELD? says of a field beyond a range that is fixed; "": the field
         "chatty": False,  # a terminator by itself ahead of each reply, as a converter that was plugged in leaves it
@@ -107,7 +109,7 @@ class ScpiProbe(ByteDouble):
         self.tell(now, "line", line)
         hurried = now < self._last_line + self.pause - 1e-9 and self._last_line >= 0
         self._last_line = now
-        if self.strict and hurried and self.model in ("421", "460"):
+        if self.strict and hurried and (self.flow or self.model in ("421", "460")):
             self.put(now, lost=self.lost + 1)  # PM
             return
         if self.silent:

@@ -8,10 +8,11 @@ SPDX-License-Identifier: Apache-2.0
 
 import math
 
-from double import ByteDouble
+from double import ByteDouble, Refused
 from scpi import ScpiError, TEXTS, Tree
 
 QUEUE = 10  # SCPI 21.8.1: at least two
+BUFFER = 256  # bytes of one message, for a strict one; no source: an instrument has what it has
 NAN = "9.91E+37"  # SCPI volume 1, 7.2.1.5: not a number
 
 
@@ -59,6 +60,12 @@ class ScpiSupply(ByteDouble):
         """A."""
         return self.voltage / self.load_ohm
 
+    def arranged(self, now):
+        """A load that cannot be is refused."""
+        if self.load_ohm <= 0:
+            self.load_ohm = 10.0
+            raise Refused("load_ohm has to be above 0")
+
     # -- time ----------------------------------------------------------------------------------------------
 
     def advance(self, now):
@@ -99,6 +106,9 @@ class ScpiSupply(ByteDouble):
         """Carries out one program message and sends its response."""
         self.tell(now, "line", line)
         replies, duration = [], 0.0
+        if self.strict and len(line) > BUFFER:
+            self._error(-363, now)  # SCPI 21.8.11: input buffer overrun: nothing of it is carried out
+            return
         try:
             for handler, argument, query in self._tree.units(line):
                 told = handler(argument, now)

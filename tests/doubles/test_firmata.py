@@ -98,6 +98,8 @@ class FirmataTest(unittest.TestCase):
         line = Line()
         self.assertEqual(line.say(b"\xf4\x02\x63"), b"\xf0\x71" + pairs("Unknown pin mode") + b"\xf7")
         self.assertEqual(line.say(b"\xf0\x7c\xf7\xf0\x55\x01\xf7\xf0\xf7\x12"), b"")  # the interval cannot be asked: 2.8
+        newer = Line(protocol="2.8")
+        self.assertEqual(newer.say(b"\xf9\xf0\x7a\x00\x02\xf7\xf0\x7c\xf7"), b"\xf9\x02\x08\xf0\x7a\x00\x02\xf7")
         self.assertEqual(line.say(b"\xf0\x6d\x50\xf7"), b"\xf0\x6e\x50\xf7")
         self.assertEqual(line.say(b"\xf0" + b"\x01" * 70 + b"\xf7\xf9"), b"\xf9\x02\x05")
         self.assertEqual(line.board.overflows, 6)

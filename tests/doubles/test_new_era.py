@@ -106,7 +106,7 @@ class NewEraTest(unittest.TestCase):
         line.ask("RAT6.0MM")
         line.ask("RUN")
         for text, told in (("DIA20", "00I?NA"), ("DIRWDR", "00I?NA"), ("RAT100MH", "00I?NA"), ("VOL3", "00I?NA"),
-                           ("CLDINF", "00I?NA"), ("RUN", "00I?NA"), ("RAT12", "00I")):
+                           ("CLDINF", "00I?NA"), ("RUN", "00I?NA"), ("RAT0", "00I?OOR"), ("RAT12", "00I")):
             self.assertEqual(line.ask(text), told, text)
         self.assertAlmostEqual(line.pump.rate_ml_s, 0.2)
         self.assertEqual(line.ask("RAT"), "00I6.000MM")  # not stored

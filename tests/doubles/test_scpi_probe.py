@@ -117,6 +117,13 @@ class ScpiProbeTest(unittest.TestCase):
             line.ask("RANGE 9;*CLS")
             self.assertEqual(line.ask("*ESR?"), "0")
 
+    def test_a_hurried_line_is_lost_where_the_flow_is_kept(self):
+        for model in ("425", "475"):
+            line = Line(model=model, flow=True)
+            self.assertEqual(line.ask("UNIT?"), "1")
+            self.assertEqual((line.raw(b"UNIT?\r\n", pause=0.02), line.meter.lost), (b"", 1))
+            self.assertEqual(Line(model=model).raw(b"UNIT?\r\nUNIT?\r\n"), b"1\r\n1\r\n")
+
     def test_peaks_and_the_temperature_of_a_475(self):
         line = Line(model="475")
         line.meter.arrange(0.0, field=[0, 0, 0.01])

@@ -8,6 +8,7 @@ import socket
 import time
 import unittest
 
+from double import Refused
 from lakeshore_monitor import LakeshoreMonitor
 from scpi_supply import ScpiSupply
 from test_serve import PATIENCE, Served, receive_exactly
@@ -61,6 +62,16 @@ class ScpiSupplyTest(unittest.TestCase):
             self.ask("FOO")
         told = [int(self.ask("SYST:ERR?").split(",")[0]) for _ in range(11)]
         self.assertEqual(told, [-113] * 9 + [-350, 0])
+
+    def test_a_message_that_is_too_long(self):
+        self.ask("OUTP ON" + " " * 300 + ";VOLT 3")
+        self.assertEqual((self.ask("SYST:ERR?"), self.ask("OUTP?")), ('-363,"Input buffer overrun"', "0"))
+        loose = Line(ScpiSupply(strict=False))
+        self.assertEqual(loose.ask("OUTP ON" + " " * 300 + ";VOLT 3;OUTP?;VOLT?"), "1;3.0000E+00")
+
+    def test_a_load_that_cannot_be(self):
+        with self.assertRaises(Refused):
+            self.line.double.arrange(0.0, load_ohm=0.0)
 
     def test_the_status_byte_asks_for_service(self):
         self.ask("*CLS;*ESE 32;*SRE 32")

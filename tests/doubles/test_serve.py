@@ -81,6 +81,24 @@ class ServeTest(unittest.TestCase):
                 os.close(line)
         self.assertEqual(served.code, 0)
 
+    def test_serial_instruments_answer_on_a_terminal(self):
+        for instrument, options, asked, told in (
+                ("thorlabs_apt", [], b"\x11\x04\x01\x00\x50\x01", b"\x12\x04\x06\x00\x81\x50\x01\x00\x00\x00\x00\x00"),
+                ("new_era", ["alarm_at_power_up=0"], b"VER\r", b"\x0200SNE1000V3.928\x03"),
+                ("harvard_pump11", [], b"00VER\r", b"\r\n    11 1.0\r\n00:"),
+                ("newport_conex", [], b"1TS\r\n", b"1TS00000A\r\n"),
+                ("lakeshore_monitor", ["pieces=5"], b"KRDG? 1\r\n", b"+295.00\r\n"),
+                ("scpi_probe", ["model=475"], b"UNIT?\n", b"1\r\n"),
+                ("firmata", ["boot=0.01"], b"", b"o\x00\xf7")):
+            arguments = [each for option in options for each in ("--option", option)]
+            with Served(instrument, "--pty", *arguments) as served:
+                line = os.open(served.where, os.O_RDWR | os.O_NOCTTY)
+                try:
+                    os.write(line, asked)
+                    self.assertTrue(read_until(line, told).endswith(told), instrument)
+                finally:
+                    os.close(line)
+
     def test_a_port_and_the_orders(self):
         with Served("kepco_bop", "--tcp", "0", "--option", "link=lan", "--option", "amperes=5") as served:
             host, port = served.where.split(":")
