@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/address.h"
 
+#include "devices/links/hislip_link.h"
 #include "devices/links/tcp_link.h"
 #include "devices/links/udp_link.h"
+#include "devices/links/vxi11_link.h"
 
 #include <algorithm>
 #include <stdexcept>
@@ -21,7 +23,11 @@ struct MessageBus {
   const char* form;  ///< for errors
   std::unique_ptr<MessageLink> (*open)(const std::string& place, Clock& clock);
 };
-const std::vector<MessageBus> kMessageBuses{{"udp", "udp:HOST:PORT", open_udp}};
+const std::vector<MessageBus> kMessageBuses{
+    {"udp", "udp:HOST:PORT", open_udp},
+    {"vxi11", "vxi11:HOST[:DEVICE]", open_vxi11},
+    {"hislip", "hislip:HOST[:SUBADDRESS]", open_hislip},
+};
 
 }  // namespace
 

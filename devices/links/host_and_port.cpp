@@ -28,6 +28,31 @@ std::string join_host_and_port(const std::string& host, int port) {
   return (sixth ? "[" + host + "]" : host) + ":" + std::to_string(port);
 }
 
+InstrumentPlace parse_instrument_place(const std::string& bus, const std::string& place,
+                                       const std::string& device) {
+  const auto wrong = [&] {
+    return std::invalid_argument("address: " + bus + ":" + place + " is not " + bus +
+                                 ":HOST, with :DEVICE and @PORT where they are not the usual ones");
+  };
+  InstrumentPlace result{place, device, 0};
+  const bool bracket = place.starts_with("[");
+  const std::size_t end = bracket ? place.find(']') : place.find(':');
+  if (bracket && end == std::string::npos) throw wrong();
+  const std::size_t colon = bracket ? end + 1 : end;
+  result.host = bracket ? place.substr(1, end - 1) : place.substr(0, colon);
+  if (colon < place.size()) {
+    if (place[colon] != ':') throw wrong();
+    result.device = place.substr(colon + 1);
+    if (const std::size_t at = result.device.find('@'); at != std::string::npos) {
+      const std::string port = result.device.substr(at);
+      result.device.resize(at);
+      result.port = std::stoi(split_host_and_port(bus, "host:" + port.substr(1)).port);
+    }
+  }
+  if (result.host.empty() || result.device.empty()) throw wrong();
+  return result;
+}
+
 Resolved resolve(const std::string& address, const HostAndPort& to, int socket_type) {
   addrinfo wanted{};
   addrinfo* found = nullptr;
