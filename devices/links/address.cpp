@@ -4,6 +4,7 @@
 #include "devices/links/hislip_link.h"
 #include "devices/links/tcp_link.h"
 #include "devices/links/udp_link.h"
+#include "devices/links/usbtmc_link.h"
 #include "devices/links/vxi11_link.h"
 
 #include <algorithm>
@@ -25,6 +26,7 @@ struct MessageBus {
 };
 const std::vector<MessageBus> kMessageBuses{
     {"udp", "udp:HOST:PORT", open_udp},
+    {"usbtmc", "usbtmc:VVVV:PPPP[:SERIAL]", open_usbtmc},
     {"vxi11", "vxi11:HOST[:DEVICE]", open_vxi11},
     {"hislip", "hislip:HOST[:SUBADDRESS]", open_hislip},
 };

@@ -26,7 +26,7 @@ Address parse_address(const std::string& text);
 std::unique_ptr<ByteLink> open_byte_link(const std::string& address, const SerialSettings& serial,
                                          Clock& clock);
 
-/// Whether the address' bus carries whole messages: "udp:", "vxi11:", "hislip:".
+/// Whether the address' bus carries whole messages: "udp:", "usbtmc:", "vxi11:", "hislip:".
 bool carries_messages(const std::string& address);
 /// For those. Throws std::invalid_argument for another bus, and for a place that is none of its;
 /// DeviceError as the bus' own function does.
