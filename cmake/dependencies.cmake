@@ -71,4 +71,5 @@ add_library(vitreo_aravis INTERFACE)
 target_include_directories(vitreo_aravis SYSTEM INTERFACE ${ARAVIS_INCLUDE_DIRS})
 target_link_libraries(vitreo_aravis INTERFACE vitreo_lazy_aravis PkgConfig::GOBJECT)
 pkg_check_modules(DC1394 IMPORTED_TARGET libdc1394-2)            # optional: FireWire cameras
+pkg_check_modules(LIBMODBUS IMPORTED_TARGET libmodbus)            # tests only: Modbus by another hand
 pkg_check_modules(UMOCKDEV IMPORTED_TARGET umockdev-1.0)          # optional: emulated instruments on the system's own path

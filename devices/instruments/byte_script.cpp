@@ -90,12 +90,13 @@ bool ByteScript::operator==(const ByteScript& other) const {
   return to_text(*this) == to_text(other);
 }
 
-// baud_rate,data_bits,parity,rts_cts,xon_xoff;question;identity;N;zero...;check,check...
+// The line, how many messages and checks, question, identity, messages, checks.
 std::string to_text(const ByteScript& script) {
   std::ostringstream text;
   const SerialSettings& line = script.line;
   text << line.baud_rate << ' ' << line.data_bits << ' ' << static_cast<int>(line.parity) << ' '
-       << line.rts_cts << ' ' << line.xon_xoff << ' ' << script.zero.size() << ' '
+       << line.stop_bits << ' ' << line.rts_cts << ' ' << line.xon_xoff << ' '
+       << static_cast<int>(line.opening_lines) << ' ' << script.zero.size() << ' '
        << script.check.size() << ' ' << hex(script.question) << ". " << hex(script.identity) << '.';
   for (const std::string& message : script.zero) text << ' ' << hex(message) << '.';
   for (const auto& [question, wanted] : script.check)
@@ -108,11 +109,14 @@ ByteScript parse_byte_script(const std::string& text) {
   ByteScript script;
   int parity = 0;
   std::size_t zeros = 0, checks = 0;
-  in >> script.line.baud_rate >> script.line.data_bits >> parity >> script.line.rts_cts >>
-      script.line.xon_xoff >> zeros >> checks;
-  if (!in || zeros > 1000 || checks > 1000 || parity < 0 || parity > 2)
+  int opening = 0;
+  in >> script.line.baud_rate >> script.line.data_bits >> parity >> script.line.stop_bits >>
+      script.line.rts_cts >> script.line.xon_xoff >> opening >> zeros >> checks;
+  if (!in || zeros > 1000 || checks > 1000 || parity < 0 || parity > 4 || opening < 0 ||
+      opening > 3)
     throw std::invalid_argument("a rescue is not understood");
   script.line.parity = static_cast<Parity>(parity);
+  script.line.opening_lines = static_cast<OpeningLines>(opening);
   // A full stop behind each, so that an empty one is a word too.
   const auto next = [&in] {
     std::string word;
@@ -150,7 +154,7 @@ Rescue rescue_by(const ByteScript& script) {
     each(read_back);
     if (failure) std::rethrow_exception(failure);
   };
-  return {.driver = "script", .settings = {"baud_rate"}, .way = way};
+  return {.driver = "script", .settings = kLineKeys, .way = way};
 }
 
 }  // namespace vitreo

@@ -17,12 +17,13 @@
 
 namespace vitreo {
 
-/// Numbers of the rig file that a rescue wants: enable_line, baud_rate.
+/// Numbers of the rig file that a rescue wants: enable_line, baud_rate; of a choice (parity, flow)
+/// its place among the choices.
 using RescueSettings = std::map<std::string, double>;
 
 /// Instruments on serial lines and TCP, any number of them behind one output.
 struct ByteRescue {
-  SerialSettings line;  ///< where the settings have no baud_rate
+  SerialSettings line;  ///< where the settings say nothing else
   /// Whether such an instrument answers, by a question that sets nothing: for a line that may lead
   /// elsewhere by now. Throws DeviceError.
   std::function<bool(ByteLink& link)> answers;
@@ -35,6 +36,10 @@ struct HidRescue {
   /// Zero without waiting for an answer; then asks. Throws DeviceError.
   std::function<void(HidLink& link, const RescueSettings& settings, Clock& clock)> zero;
 };
+
+/// What a rescue on a serial line wants of the rig file, where it is there.
+inline const std::vector<std::string> kLineKeys{"baud_rate", "data_bits", "stop_bits", "parity",
+                                                "flow"};
 
 struct Rescue {
   std::string driver;                 ///< as in the rig file

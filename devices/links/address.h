@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/links/byte_link.h"
+#include "devices/links/message_link.h"
 #include "devices/links/serial_link.h"
 
 #include <memory>
@@ -12,7 +13,7 @@
 namespace vitreo {
 
 struct Address {
-  std::string bus;    ///< "serial", "tcp", "usb", "hid", "genicam", "emulated"
+  std::string bus;    ///< "serial", "tcp", "udp", "usb", "hid", "genicam", "emulated", ...
   std::string place;  ///< what stands after the colon; empty for "emulated"
 };
 
@@ -24,5 +25,11 @@ Address parse_address(const std::string& text);
 /// another bus, and DeviceError as open_serial() and open_tcp() do.
 std::unique_ptr<ByteLink> open_byte_link(const std::string& address, const SerialSettings& serial,
                                          Clock& clock);
+
+/// Whether the address' bus carries whole messages: "udp:", "usbtmc:", "vxi11:", "hislip:".
+bool carries_messages(const std::string& address);
+/// For those. Throws std::invalid_argument for another bus, and for a place that is none of its;
+/// DeviceError as the bus' own function does.
+std::unique_ptr<MessageLink> open_message_link(const std::string& address, Clock& clock);
 
 }  // namespace vitreo

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/file_link.h"
 
+#include "devices/links/polling.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
@@ -14,11 +15,6 @@
 namespace vitreo {
 namespace {
 
-/// Waiting polls at doubling intervals: 100 us at first, for an answer that is nearly there, up to
-/// 4 ms, four bytes at 9600 baud, so that a long silence costs little of a processor. poll() itself
-/// may not block: this task holds the clock's baton.
-constexpr Time kFirstSlice = std::chrono::microseconds(100);
-constexpr Time kLongestSlice = std::chrono::milliseconds(4);
 constexpr std::size_t kMostAtOnce = 4096;
 
 class Descriptor final : public OpenFile {
@@ -48,10 +44,9 @@ class FileLink final : public ByteLink {
   std::string description() const override { return address_ + settings_; }
 
   void write(std::span<const std::uint8_t> bytes, Time timeout) override {
-    const Time deadline = later(clock_.now(), timeout);
     // Half a command on the wire would confuse the instrument; the deadline ends it soon enough.
     const StopShield shield(clock_);
-    Time slice = kFirstSlice;
+    Polling polling(clock_, timeout);
     while (!bytes.empty()) {
       // A port that is gone can still take bytes into the kernel's buffer.
       if (poll_for(POLLOUT)) {
@@ -62,15 +57,13 @@ class FileLink final : public ByteLink {
         }
         if (written < 0 && errno != EAGAIN && errno != EINTR) lose(system_error());
       }
-      if (clock_.now() >= deadline)
+      if (!polling.again())
         throw DeviceError(DeviceErrorKind::timeout, address_, "it did not take the bytes in time");
-      pause(slice, deadline);
     }
   }
 
   ByteString read(std::size_t most, Time timeout) override {
-    const Time deadline = later(clock_.now(), timeout);
-    Time slice = kFirstSlice;
+    Polling polling(clock_, timeout);
     for (;;) {
       if (poll_for(POLLIN)) {
         ByteString bytes(std::min(most, kMostAtOnce));
@@ -84,8 +77,7 @@ class FileLink final : public ByteLink {
         }
         if (errno != EAGAIN && errno != EINTR) lose(system_error());
       }
-      if (clock_.now() >= deadline) return {};
-      pause(slice, deadline);
+      if (!polling.again()) return {};
     }
   }
 
@@ -106,12 +98,6 @@ class FileLink final : public ByteLink {
     if ((file.revents & (POLLERR | POLLHUP | POLLRDHUP | POLLNVAL)) != 0)
       lose("the far end is gone");
     return (file.revents & event) != 0;
-  }
-
-  /// A stop of the task comes through here.
-  void pause(Time& slice, Time deadline) {
-    clock_.sleep_for(std::min(slice, deadline - clock_.now()));
-    slice = std::min(2 * slice, kLongestSlice);
   }
 
   /// Closes at once: a terminal that was hung up stays so, even when its cable comes back.

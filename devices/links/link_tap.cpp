@@ -10,7 +10,7 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-/// What the three decorators have in common: the link, and its reports to the tap.
+/// What the decorators have in common: the link, and its reports to the tap.
 template <class Link>
 class Watched {
  public:
@@ -66,6 +66,33 @@ class TappedByteLink final : public ByteLink {
 
  private:
   const Watched<ByteLink> link_;
+};
+
+class TappedMessageLink final : public MessageLink {
+ public:
+  explicit TappedMessageLink(Watched<MessageLink> link) : link_(std::move(link)) {}
+  const std::string& address() const override { return link_->address(); }
+  std::string description() const override { return link_->description(); }
+  void write(Bytes message, Time timeout) override {
+    link_.note(LinkEvent::to_instrument, message);
+    link_.guarded([&] { link_->write(message, timeout); });
+  }
+  std::optional<ByteString> read(std::size_t most, Time timeout) override {
+    auto message = link_.guarded([&] { return link_->read(most, timeout); });
+    if (message) link_.note(LinkEvent::from_instrument, *message);
+    return message;
+  }
+  void clear(Time timeout) override {
+    link_.note(LinkEvent::cleared);
+    link_.guarded([&] { link_->clear(timeout); });
+  }
+  void reopen() override {
+    link_.guarded([&] { link_->reopen(); });
+    link_.note(LinkEvent::opened);
+  }
+
+ private:
+  const Watched<MessageLink> link_;
 };
 
 class TappedHidLink final : public HidLink {
@@ -126,6 +153,8 @@ const char* to_string(LinkEvent event) {
       return "from";
     case LinkEvent::opened:
       return "opened";
+    case LinkEvent::cleared:
+      return "cleared";
     case LinkEvent::failed:
       return "failed";
   }
@@ -136,6 +165,11 @@ std::unique_ptr<ByteLink> tapped(std::unique_ptr<ByteLink> link, LinkName name, 
                                  const Clock& clock) {
   return std::make_unique<TappedByteLink>(
       Watched<ByteLink>(std::move(link), std::move(name), tap, clock));
+}
+std::unique_ptr<MessageLink> tapped(std::unique_ptr<MessageLink> link, LinkName name, LinkTap& tap,
+                                    const Clock& clock) {
+  return std::make_unique<TappedMessageLink>(
+      Watched<MessageLink>(std::move(link), std::move(name), tap, clock));
 }
 std::unique_ptr<HidLink> tapped(std::unique_ptr<HidLink> link, LinkName name, LinkTap& tap,
                                 const Clock& clock) {

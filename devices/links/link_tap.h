@@ -5,6 +5,7 @@
 
 #include "devices/links/byte_link.h"
 #include "devices/links/hid_link.h"
+#include "devices/links/message_link.h"
 #include "devices/links/usb_link.h"
 #include "devices/time/clock.h"
 
@@ -27,14 +28,15 @@ enum class LinkEvent {
   to_instrument,    ///< bytes, when the driver gave them; whether they arrived, only answers show
   from_instrument,  ///< bytes, when the driver took them
   opened,           ///< no bytes
+  cleared,          ///< no bytes; of a link of messages
   failed,           ///< the error's text in place of bytes
 };
-/// "to", "from", "opened", "failed".
+/// "to", "from", "opened", "cleared", "failed".
 const char* to_string(LinkEvent event);
 
-/// One call a write, a read that brought something, a report or a control transfer; of the last the
-/// eight bytes of its setup (USB 2.0, table 9-2), then its data. Called by the task that uses the
-/// link.
+/// One call a write, a read that brought something, a message, a report or a control transfer; of
+/// the last the eight bytes of its setup (USB 2.0, table 9-2), then its data. Called by the task
+/// that uses the link.
 class LinkTap {
  public:
   virtual ~LinkTap() = default;
@@ -45,6 +47,8 @@ class LinkTap {
 /// The same link with `tap` in it, which outlives it, as `clock` does. `link` has just been opened.
 std::unique_ptr<ByteLink> tapped(std::unique_ptr<ByteLink> link, LinkName name, LinkTap& tap,
                                  const Clock& clock);
+std::unique_ptr<MessageLink> tapped(std::unique_ptr<MessageLink> link, LinkName name, LinkTap& tap,
+                                    const Clock& clock);
 std::unique_ptr<HidLink> tapped(std::unique_ptr<HidLink> link, LinkName name, LinkTap& tap,
                                 const Clock& clock);
 std::unique_ptr<UsbLink> tapped(std::unique_ptr<UsbLink> link, LinkName name, LinkTap& tap,

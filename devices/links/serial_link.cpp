@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/serial_link.h"
 
+#include "devices/links/serial_line.h"
+
 #include <cerrno>
 #include <filesystem>
+#include <stdexcept>
 #include <sys/file.h>
 #include <sys/ioctl.h>
 #include <system_error>
+#include <termios.h>
 
 namespace vitreo {
 
@@ -44,23 +48,87 @@ bool take_for_us(int handle) {
 }
 
 std::string to_string(const SerialSettings& settings) {
-  const char* const parity = settings.parity == Parity::odd    ? "O"
-                             : settings.parity == Parity::even ? "E"
-                                                               : "N";
+  const char parity = "NOEMS"[static_cast<int>(settings.parity)];
   return std::to_string(settings.baud_rate) + " baud, " + std::to_string(settings.data_bits) +
-         parity + "1" + (settings.rts_cts ? ", RTS/CTS" : "") +
+         parity + std::to_string(settings.stop_bits) + (settings.rts_cts ? ", RTS/CTS" : "") +
          (settings.xon_xoff ? ", XON/XOFF" : "");
 }
 
+Time character_time(const SerialSettings& settings) {
+  return character_time(settings.baud_rate,
+                        {settings.data_bits, settings.parity != Parity::none, settings.stop_bits});
+}
+
+const std::vector<std::string>& parity_names() {
+  static const std::vector<std::string> names{"none", "odd", "even", "mark", "space"};
+  return names;
+}
+const std::vector<std::string>& flow_names() {
+  static const std::vector<std::string> names{"none", "rts_cts", "xon_xoff"};
+  return names;
+}
+void set_flow(SerialSettings& settings, const std::string& name) {
+  settings.rts_cts = name == "rts_cts";
+  settings.xon_xoff = name == "xon_xoff";
+}
+const std::vector<std::string>& opening_lines_names() {
+  static const std::vector<std::string> names{"asserted", "released", "rts_pulse", "dtr_pulse"};
+  return names;
+}
+
+namespace {
+
+/// How long a line of a pulse stays as it is.
+constexpr Time kPulse = std::chrono::milliseconds(50);
+
+void check(const SerialSettings& settings) {
+  if (settings.data_bits < 5 || settings.data_bits > 8)
+    throw std::invalid_argument("data_bits: must be 5 to 8");
+  if (settings.stop_bits != 1 && settings.stop_bits != 2)
+    throw std::invalid_argument("stop_bits: must be 1 or 2");
+}
+
+/// Pseudo-terminals have no such lines, and need none: their refusal is no error.
+void set_line(int handle, int line, bool asserted) {
+  ::ioctl(handle, asserted ? TIOCMBIS : TIOCMBIC, &line);
+}
+void flush(int handle) { ::ioctl(handle, TCFLSH, TCIOFLUSH); }
+
+/// The port has both lines asserted by now, and was flushed.
+void set_opening_lines(int handle, OpeningLines lines, Clock& clock) {
+  switch (lines) {
+    case OpeningLines::asserted:
+      return;
+    case OpeningLines::released:
+      return set_line(handle, TIOCM_RTS | TIOCM_DTR, false);
+    case OpeningLines::rts_pulse:
+      set_line(handle, TIOCM_RTS, true);
+      clock.sleep_for(kPulse);
+      flush(handle);
+      clock.sleep_for(kPulse);
+      return set_line(handle, TIOCM_RTS, false);
+    case OpeningLines::dtr_pulse:
+      set_line(handle, TIOCM_DTR, false);
+      clock.sleep_for(kPulse);
+      set_line(handle, TIOCM_DTR, true);
+      return flush(handle);
+  }
+}
+
+}  // namespace
+
 std::unique_ptr<ByteLink> open_serial(const std::string& path, const SerialSettings& settings,
                                       Clock& clock) {
+  check(settings);
   return file_link(
       "serial:" + path, " at " + to_string(settings),
-      [path, settings] {
+      [path, settings, &clock] {
         // Decided at each opening: libserialport refuses a pseudo-terminal, which has no sysfs
         // entry and no modem lines.
-        return has_sysfs_entry(path) ? open_with_libserialport(path, settings)
-                                     : open_with_termios(path, settings);
+        auto file = has_sysfs_entry(path) ? open_with_libserialport(path, settings)
+                                          : open_with_termios(path, settings);
+        set_opening_lines(file->handle(), settings.opening_lines, clock);
+        return file;
       },
       clock);
 }

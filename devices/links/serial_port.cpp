@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <libserialport.h>
 #include <sys/file.h>
+#include <termios.h>
 #include <utility>
 
 namespace vitreo {
@@ -47,15 +48,13 @@ class Port final : public OpenFile {
     };
     set(sp_set_baudrate(port_, settings.baud_rate), "does not take the baud rate");
     set(sp_set_bits(port_, settings.data_bits), "does not take the data bits");
-    set(sp_set_parity(port_, settings.parity == Parity::odd    ? SP_PARITY_ODD
-                             : settings.parity == Parity::even ? SP_PARITY_EVEN
-                                                               : SP_PARITY_NONE),
-        "does not take the parity");
-    set(sp_set_stopbits(port_, 1), "does not take one stop bit");
+    set(sp_set_parity(port_, parity_of(settings)), "does not take the parity");
+    set(sp_set_stopbits(port_, settings.stop_bits), "does not take the stop bits");
     const sp_flowcontrol flow = settings.rts_cts    ? SP_FLOWCONTROL_RTSCTS
                                 : settings.xon_xoff ? SP_FLOWCONTROL_XONXOFF
                                                     : SP_FLOWCONTROL_NONE;
     set(sp_set_flowcontrol(port_, flow), "does not take the flow control");
+    check_taken(settings);
     // With hardware flow control RTS is the driver's.
     if (!settings.rts_cts) set(sp_set_rts(port_, SP_RTS_ON), "does not assert RTS");
     set(sp_set_dtr(port_, SP_DTR_ON), "does not assert DTR");
@@ -69,6 +68,33 @@ class Port final : public OpenFile {
   }
 
  private:
+  static sp_parity parity_of(const SerialSettings& settings) {
+    switch (settings.parity) {
+      case Parity::none:
+        return SP_PARITY_NONE;
+      case Parity::odd:
+        return SP_PARITY_ODD;
+      case Parity::even:
+        return SP_PARITY_EVEN;
+      case Parity::mark:
+        return SP_PARITY_MARK;
+      case Parity::space:
+        return SP_PARITY_SPACE;
+    }
+    return SP_PARITY_INVALID;
+  }
+  /// The C library looks after the data bits and whether there is a parity; an adapter that lacks
+  /// the second stop bit, or mark and space, clears their flags (tcsetattr(3)).
+  void check_taken(const SerialSettings& settings) const {
+    termios taken{};
+    if (::tcgetattr(handle(), &taken) != 0) return;  // says the first read or write
+    const auto has = [&taken](tcflag_t flag) { return (taken.c_cflag & flag) != 0; };
+    const bool sticky = settings.parity == Parity::mark || settings.parity == Parity::space;
+    if (has(CSTOPB) != (settings.stop_bits == 2))
+      throw DeviceError(DeviceErrorKind::refused, "serial:" + path_, "does not take the stop bits");
+    if (has(CMSPAR) != sticky)
+      throw DeviceError(DeviceErrorKind::refused, "serial:" + path_, "does not take the parity");
+  }
   void check(sp_return result, DeviceErrorKind kind, const char* what) const {
     if (result != SP_OK) throw DeviceError(kind, "serial:" + path_, why(what));
   }

@@ -2,15 +2,14 @@
 #include "devices/links/tcp_link.h"
 
 #include "devices/links/file_link.h"
+#include "devices/links/host_and_port.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
 #include <cerrno>
-#include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
-#include <stdexcept>
 #include <sys/socket.h>
 #include <utility>
 
@@ -21,28 +20,6 @@ namespace {
 constexpr int kUserTimeout_ms = 500;
 /// How often a connection under way is polled.
 constexpr Time kSlice = std::chrono::milliseconds(1);
-
-struct HostAndPort {
-  std::string host;
-  std::string port;
-};
-
-/// "host:port"; an IPv6 address, which has colons itself, stands in brackets (RFC 3986).
-HostAndPort split(const std::string& text) {
-  const std::size_t colon = text.rfind(':');
-  HostAndPort result;
-  if (colon != std::string::npos) result = {text.substr(0, colon), text.substr(colon + 1)};
-  if (result.host.size() > 2 && result.host.front() == '[' && result.host.back() == ']')
-    result.host = result.host.substr(1, result.host.size() - 2);
-  else if (result.host.find(':') != std::string::npos)
-    result.host.clear();
-  const bool number = !result.port.empty() && result.port.size() <= 5 &&
-                      result.port.find_first_not_of("0123456789") == std::string::npos;
-  if (result.host.empty() || !number || std::stoi(result.port) < 1 ||
-      std::stoi(result.port) > 65535)
-    throw std::invalid_argument("address: tcp:" + text + " is not tcp:HOST:PORT");
-  return result;
-}
 
 /// Waits for a connection under way. Empty when it stands, else why not.
 /// poll() with no time of its own, and sleeps on the clock: other tasks go on meanwhile.
@@ -73,22 +50,16 @@ void configure(int handle) {
 
 std::unique_ptr<OpenFile> connect(const std::string& address, const HostAndPort& to, Time timeout,
                                   Clock& clock) {
-  addrinfo wanted{};
-  addrinfo* found = nullptr;
-  wanted.ai_socktype = SOCK_STREAM;
   const auto fail = [&address](DeviceErrorKind kind, const std::string& what) {
     throw DeviceError(kind, address, what);
   };
   // Blocks, with the baton, where the host is a name and no number.
-  if (const int error = ::getaddrinfo(to.host.c_str(), to.port.c_str(), &wanted, &found);
-      error != 0)
-    fail(DeviceErrorKind::not_found, ::gai_strerror(error));
-  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> guard(found, &::freeaddrinfo);
+  const Resolved found = resolve(address, to, SOCK_STREAM);
   const Time deadline = later(clock.now(), timeout);
   std::string why;
   // A name may have several addresses, of IPv6 and IPv4: the first that answers. The error is that
   // of the last one.
-  for (const addrinfo* one = found; one != nullptr; one = one->ai_next) {
+  for (const addrinfo* one = found.get(); one != nullptr; one = one->ai_next) {
     const int handle =
         ::socket(one->ai_family, one->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, one->ai_protocol);
     if (handle < 0) {
@@ -108,7 +79,7 @@ std::unique_ptr<OpenFile> connect(const std::string& address, const HostAndPort&
 }  // namespace
 
 std::unique_ptr<ByteLink> open_tcp(const std::string& host_and_port, Time timeout, Clock& clock) {
-  const HostAndPort to = split(host_and_port);
+  const HostAndPort to = split_host_and_port("tcp", host_and_port);
   const std::string address = "tcp:" + host_and_port;
   return file_link(
       address, "", [=, &clock] { return connect(address, to, timeout, clock); }, clock);

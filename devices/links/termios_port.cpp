@@ -19,6 +19,17 @@ namespace {
   throw DeviceError(kind, "serial:" + path, what);
 }
 
+/// Mark is the sticky bit with odd parity, space with even (termios(3), CMSPAR).
+tcflag_t character_flags(const SerialSettings& settings) {
+  constexpr tcflag_t kSizes[] = {CS5, CS6, CS7, CS8};
+  tcflag_t flags = kSizes[settings.data_bits - 5];
+  if (settings.stop_bits == 2) flags |= CSTOPB;
+  if (settings.parity != Parity::none) flags |= PARENB;
+  if (settings.parity == Parity::odd || settings.parity == Parity::mark) flags |= PARODD;
+  if (settings.parity == Parity::mark || settings.parity == Parity::space) flags |= CMSPAR;
+  return flags;
+}
+
 /// Raw bytes: no echo, no translation of line ends, no signals. CLOCAL: no modem lines are
 /// waited for; HUPCL: DTR falls when the port is closed.
 void configure(int handle, const std::string& path, const SerialSettings& settings) {
@@ -28,10 +39,8 @@ void configure(int handle, const std::string& path, const SerialSettings& settin
   wanted.c_iflag = settings.xon_xoff ? IXON | IXOFF : 0;
   wanted.c_oflag = 0;
   wanted.c_lflag = 0;
-  wanted.c_cflag = (settings.data_bits == 7 ? CS7 : CS8) | CREAD | CLOCAL | HUPCL | BOTHER |
+  wanted.c_cflag = character_flags(settings) | CREAD | CLOCAL | HUPCL | BOTHER |
                    (settings.rts_cts ? CRTSCTS : 0U);
-  if (settings.parity != Parity::none) wanted.c_cflag |= PARENB;
-  if (settings.parity == Parity::odd) wanted.c_cflag |= PARODD;
   wanted.c_ispeed = wanted.c_ospeed = static_cast<speed_t>(settings.baud_rate);
   wanted.c_cc[VMIN] = 1;
   wanted.c_cc[VTIME] = 0;

@@ -37,6 +37,16 @@ class UsbLink {
                                          Time timeout) = 0;
 };
 
+/// Bulk endpoints of an instrument: 1 OUT and 2 IN of an interface of the class USBTMC.
+class BulkPeer {
+ public:
+  virtual ~BulkPeer() = default;
+  /// One transfer on Bulk-OUT. False: it halts the endpoint.
+  virtual bool take(std::span<const std::uint8_t> transfer) = 0;
+  /// The next transfer on Bulk-IN; nothing while it has none.
+  virtual std::optional<std::vector<std::uint8_t>> give() = 0;
+};
+
 /// The instrument's end of the same wire.
 class UsbPeer {
  public:
@@ -47,6 +57,8 @@ class UsbPeer {
   virtual std::optional<std::vector<std::uint8_t>> control(const UsbSetup& setup,
                                                            std::span<const std::uint8_t> data,
                                                            std::uint16_t length) = 0;
+  /// Null: it has endpoint 0 alone.
+  virtual BulkPeer* bulk() { return nullptr; }
   /// Switched off and on: what it does not keep is as after power-up.
   virtual void power_cycle() {}
 };

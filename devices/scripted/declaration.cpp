@@ -188,6 +188,17 @@ Framing read_framing(TableReader& link) {
   return framing;
 }
 
+/// Which of the names it is; the first one where the key is not there.
+std::size_t choice(TableReader& reader, const std::string& key,
+                   const std::vector<std::string>& names) {
+  const std::string name = reader.text(key, names.front());
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found != names.end()) return static_cast<std::size_t>(found - names.begin());
+  std::string all;
+  for (const std::string& one : names) all += (all.empty() ? "" : ", ") + one;
+  reader.fail(key, "must be one of " + all);
+}
+
 LinkDeclaration read_link(TableReader& all) {
   LinkDeclaration link;
   auto reader = all.table("link");
@@ -196,13 +207,12 @@ LinkDeclaration read_link(TableReader& all) {
   SerialSettings& serial = link.serial;
   serial.baud_rate =
       static_cast<int>(reader->number("baud_rate", 50, 4e6).value_or(serial.baud_rate));
-  serial.data_bits = static_cast<int>(reader->number("data_bits", 7, 8).value_or(8));
-  const std::string parity = reader->text("parity", "none");
-  if (parity != "none" && parity != "odd" && parity != "even")
-    reader->fail("parity", "must be none, odd or even");
-  serial.parity = parity == "odd" ? Parity::odd : parity == "even" ? Parity::even : Parity::none;
-  serial.rts_cts = reader->flag("rts_cts", false);
-  serial.xon_xoff = reader->flag("xon_xoff", false);
+  serial.data_bits = static_cast<int>(reader->number("data_bits", 5, 8).value_or(8));
+  serial.stop_bits = static_cast<int>(reader->number("stop_bits", 1, 2).value_or(1));
+  serial.parity = static_cast<Parity>(choice(*reader, "parity", parity_names()));
+  set_flow(serial, flow_names()[choice(*reader, "flow", flow_names())]);
+  serial.opening_lines =
+      static_cast<OpeningLines>(choice(*reader, "opening_lines", opening_lines_names()));
   link.framing = read_framing(*reader);
   link.timeout = reader->seconds("timeout", 1, kLongestAnswer);
   link.pause = reader->seconds("pause", 0, 10);

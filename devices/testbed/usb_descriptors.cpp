@@ -37,12 +37,23 @@ Bytes device_descriptor(const UsbIdentity& d) {
           kManufacturer, kProduct, kSerial,
           1};            // configuration
 }
-/// One configuration, one interface, no endpoint but 0: USB 2.0, tables 9-10 and 9-12.
-Bytes configuration_descriptor(std::uint8_t interface_class) {
-  return {9, 2, 18, 0,   // length, type, length of all
-          1, 1, 0,       // interfaces, number, no name
-          0x80, 50,      // powered by the bus, 100 mA
-          9, 4, 0, 0, 0, interface_class, 0, 0, 0};
+/// One configuration, one interface, no endpoint but 0: USB 2.0, tables 9-10 and 9-12. With bulk
+/// endpoints of 64 bytes (table 9-13) it is USBTMC's with USB488 (USBTMC 1.0, table 43).
+Bytes configuration_descriptor(std::uint8_t interface_class, bool bulk) {
+  Bytes all{9, 2, 18, 0,   // length, type, length of all
+            1, 1, 0,       // interfaces, number, no name
+            0x80, 50,      // powered by the bus, 100 mA
+            9, 4, 0, 0, 0, interface_class, 0, 0, 0};
+  if (!bulk) return all;
+  constexpr std::size_t kLength = 2, kEndpoints = 13, kClass = 14;
+  const Bytes endpoints{7, 5, 0x01, 2, 64, 0, 0, 7, 5, 0x82, 2, 64, 0, 0};
+  all.insert(all.end(), endpoints.begin(), endpoints.end());
+  all[kLength] = 32;
+  all[kEndpoints] = 2;
+  all[kClass] = 0xFE;
+  all[kClass + 1] = 3;
+  all[kClass + 2] = 1;
+  return all;
 }
 // clang-format on
 /// USB 2.0, table 9-16: UTF-16, little-endian.
@@ -78,10 +89,10 @@ HidPaths::HidPaths(const UsbPaths& usb, const UsbIdentity& identity)
 /// umockdev's format: P the path, N the node, E properties of udev, A attributes of sysfs, H binary
 /// attributes in hexadecimal. libusb reads busnum, devnum, speed, bConfigurationValue and the
 /// descriptors.
-std::string describe_usb(const UsbPaths& paths, const UsbIdentity& d,
-                         std::uint8_t interface_class) {
+std::string describe_usb(const UsbPaths& paths, const UsbIdentity& d, std::uint8_t interface_class,
+                         bool bulk) {
   Bytes descriptors = device_descriptor(d);
-  const Bytes configuration = configuration_descriptor(interface_class);
+  const Bytes configuration = configuration_descriptor(interface_class, bulk);
   descriptors.insert(descriptors.end(), configuration.begin(), configuration.end());
   const std::string device = std::to_string(paths.device);
   return "P: " + paths.devpath + "\nN: " + paths.node.substr(5) +
@@ -125,7 +136,8 @@ Bytes report_descriptor(int usage_page, int usage) {
 // clang-format on
 
 // Other standard requests of the device are accepted and have no effect.
-std::optional<Bytes> standard_answer(const UsbIdentity& identity, const UsbSetup& setup) {
+std::optional<Bytes> standard_answer(const UsbIdentity& identity, const UsbSetup& setup,
+                                     bool bulk) {
   // USB 2.0, tables 9-4 and 9-5.
   constexpr std::uint8_t kGetDescriptor = 6;
   constexpr std::uint8_t kDevice = 1;
@@ -137,7 +149,7 @@ std::optional<Bytes> standard_answer(const UsbIdentity& identity, const UsbSetup
     case kDevice:
       return device_descriptor(identity);
     case kConfiguration:
-      return configuration_descriptor(0xFF);
+      return configuration_descriptor(0xFF, bulk);
     case kString:
       switch (setup.value & 0xFF) {
         case 0:  // the languages: English (United States)

@@ -30,8 +30,9 @@ struct HidPaths {
   std::string node;
 };
 
+/// `bulk`: the interface is of the class USBTMC, with endpoints 1 OUT and 2 IN.
 std::string describe_usb(const UsbPaths& paths, const UsbIdentity& identity,
-                         std::uint8_t interface_class);
+                         std::uint8_t interface_class, bool bulk = false);
 std::string describe_hid(const UsbPaths& paths, const HidPaths& hid, const UsbIdentity& identity,
                          const std::vector<std::uint8_t>& report_descriptor);
 
@@ -41,6 +42,6 @@ std::vector<std::uint8_t> report_descriptor(int usage_page, int usage);
 /// The answer of every USB device to a standard request: its descriptors. Nothing when the request
 /// is not a standard one.
 std::optional<std::vector<std::uint8_t>> standard_answer(const UsbIdentity& identity,
-                                                         const UsbSetup& setup);
+                                                         const UsbSetup& setup, bool bulk = false);
 
 }  // namespace vitreo

@@ -160,8 +160,8 @@ class Plugged {
   UMockdevIoctlBase* const handler_;
 };
 
-/// usbfs: control transfers come as URBs (USB request blocks) that are submitted and later reaped
-/// (linux/usbdevice_fs.h).
+/// usbfs: control and bulk transfers come as URBs (USB request blocks) that are submitted and later
+/// reaped (linux/usbdevice_fs.h).
 class PluggedUsb final : public Plugged {
  public:
   PluggedUsb(Timetable& timetable, const std::string& node, const std::string& sysfs, UsbPeer& peer,
@@ -191,6 +191,13 @@ class PluggedUsb final : public Plugged {
         return reap(client, arg);
       case USBDEVFS_DISCARDURB:
         return discard(client, arg);
+      case USBDEVFS_CLEAR_HALT: {
+        // The kernel sends CLEAR_FEATURE(ENDPOINT_HALT): USB 2.0, 9.4.1.
+        std::uint32_t endpoint = 0;
+        std::memcpy(&endpoint, resolve(arg, 0, sizeof endpoint)->data, sizeof endpoint);
+        peer_.control({0x02, 1, 0, static_cast<std::uint16_t>(endpoint)}, {}, 0);
+        return done(client, 0);
+      }
       default:  // claims, releases, resets
         return done(client, 0);
     }
@@ -204,7 +211,9 @@ class PluggedUsb final : public Plugged {
     const int length = urb->buffer_length;
     Data buffer =
         resolve(urb_data.get(), offsetof(usbdevfs_urb, buffer), static_cast<std::size_t>(length));
-    if (urb->type != USBDEVFS_URB_TYPE_CONTROL || length < 8) return done(client, -1, EINVAL);
+    const bool control = urb->type == USBDEVFS_URB_TYPE_CONTROL && length >= 8;
+    const bool bulk = urb->type == USBDEVFS_URB_TYPE_BULK && peer_.bulk() != nullptr;
+    if (!control && !bulk) return done(client, -1, EINVAL);
     const unsigned long address = urb_data->client_addr;
     pending_.push_back({std::move(urb_data), std::move(buffer)});
     if (fault_ != UsbFault::silent) with_frame(frames_, [this, address] { complete(address); });
@@ -215,9 +224,40 @@ class PluggedUsb final : public Plugged {
   void complete(unsigned long address) {
     const auto one = find_pending(address);
     if (one == pending_.end() || fault_ == UsbFault::silent) return;
-    transfer(*reinterpret_cast<usbdevfs_urb*>(one->urb->data), one->buffer->data);
+    auto& urb = *reinterpret_cast<usbdevfs_urb*>(one->urb->data);
+    if (urb.type == USBDEVFS_URB_TYPE_CONTROL)
+      transfer(urb, one->buffer->data);
+    else if (!move_bulk(urb, one->buffer->data))
+      return;  // it stays pending, until the device has something
     finish(std::move(one->urb));
     pending_.erase(one);
+    give_to_pending();
+  }
+
+  /// Whether the URB is over: on the way in that wants something that the device has to give.
+  bool move_bulk(usbdevfs_urb& urb, std::uint8_t* bytes) {
+    const auto size = static_cast<std::size_t>(urb.buffer_length);
+    urb.status = 0;
+    urb.actual_length = 0;
+    if ((urb.endpoint & 0x80) == 0) {
+      if (!peer_.bulk()->take({bytes, size})) urb.status = -EPIPE;
+      urb.actual_length = urb.status == 0 ? urb.buffer_length : 0;
+      return true;
+    }
+    const auto given = peer_.bulk()->give();
+    if (!given) return false;
+    urb.status = given->size() > size ? -EOVERFLOW : 0;
+    urb.actual_length = static_cast<int>(std::min(given->size(), size));
+    std::copy_n(given->begin(), urb.actual_length, bytes);
+    return true;
+  }
+  /// What came before may have given the device something to say.
+  void give_to_pending() {
+    for (const Pending& one : pending_) {
+      const auto& urb = *reinterpret_cast<const usbdevfs_urb*>(one.urb->data);
+      if (urb.type == USBDEVFS_URB_TYPE_BULK && (urb.endpoint & 0x80) != 0)
+        return with_frame(frames_, [this, address = one.urb->client_addr] { complete(address); });
+    }
   }
 
   /// USB 2.0, table 9-2: type, request, value, index, length. A stall is the status -EPIPE.
@@ -229,7 +269,7 @@ class PluggedUsb final : public Plugged {
     const UsbSetup setup{bytes[0], bytes[1], word(2), word(4)};
     const auto length = static_cast<std::uint16_t>(std::min<int>(word(6), urb.buffer_length - 8));
     const bool in = (setup.type & 0x80) != 0;
-    const auto standard = standard_answer(peer_.identity(), setup);
+    const auto standard = standard_answer(peer_.identity(), setup, peer_.bulk() != nullptr);
     auto answer =
         standard ? standard
                  : peer_.control(setup, {bytes + 8, in ? std::size_t{0} : length}, in ? length : 0);
@@ -446,7 +486,7 @@ class Umockdev final : public UsbTestbed {
     const UsbPaths paths(number);
     add(number, paths.node,
         std::make_unique<PluggedUsb>(timetable_, paths.node, paths.sysfs(), peer, interval),
-        describe_usb(paths, peer.identity(), 0xFF));
+        describe_usb(paths, peer.identity(), 0xFF, peer.bulk() != nullptr));
     return number;
   }
   int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page, int usage,

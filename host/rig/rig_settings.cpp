@@ -3,6 +3,7 @@
 
 #include "control/robots.h"
 #include "devices/instruments/rescues.h"
+#include "devices/links/serial_link.h"
 #include "host/config/rights.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/instrument_file.h"
@@ -142,6 +143,14 @@ void read_side_camera(ConfigReader reader, RigSettings& settings) {
   reader.finish();
 }
 
+/// What the guardian gets are numbers: of a choice of the line, its place among the choices.
+double number_for_guardian(const std::string& key, const nlohmann::json& value) {
+  if (!value.is_string()) return value.get<double>();
+  const std::vector<std::string>& names = key == "parity" ? parity_names() : flow_names();
+  return static_cast<double>(std::find(names.begin(), names.end(), value.get<std::string>()) -
+                             names.begin());
+}
+
 /// A role's output that the guardian must bring to zero. It gets it as text: nothing in this
 /// program's memory outlives it. `guardian = true` on an emulated instrument starts one without a
 /// duty; without it an instrument that can do harm is energized unguarded, which the record shows.
@@ -160,10 +169,10 @@ void read_guardian(ConfigReader& reader, RigSettings& settings) {
                               "= false leaves it unguarded");
   // Read back from the resolved table: the defaults of the driver's own reader are in it too.
   const std::vector<std::string> wants =
-      rescue == nullptr ? std::vector<std::string>{"baud_rate"} : rescue->settings;
+      rescue == nullptr ? kLineKeys : rescue->settings;
   for (const std::string& key : wants)
     if (const auto found = reader.resolved().find(key); found != reader.resolved().end())
-      output.settings[key] = found->get<double>();
+      output.settings[key] = number_for_guardian(key, *found);
   settings.guarded.push_back(output);
 }
 

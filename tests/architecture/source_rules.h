@@ -127,7 +127,7 @@ inline const std::vector<Row> kTable{
      {"libserialport.h"},
      true},
     {"devices/links/hidapi_link.cpp", {"devices/links/", "devices/time/"}, {}, {"hidapi.h"}},
-    {"devices/links/libusb_link.cpp", {"devices/links/", "devices/time/"}, {}, {"libusb.h"}},
+    {"devices/links/libusb_", {"devices/links/", "devices/time/"}, {}, {"libusb.h"}},
     {"devices/links/", {"devices/links/", "devices/time/"}, {}, {}, true},
     // Instruments of one Lua file: a sandbox of their own, below the host and its Lua.
     {"devices/scripted/",

@@ -58,7 +58,8 @@ termios present() {
 }
 
 TEST_F(SerialGuest, TheLineIsAsItWasAskedFor) {
-  SerialSettings settings{19200, 7, Parity::odd, false, true};
+  SerialSettings settings{
+      .baud_rate = 19200, .data_bits = 7, .parity = Parity::odd, .xon_xoff = true};
   const auto link = open_serial(kNode, settings, *clock);
   const termios now = present();
   EXPECT_EQ(::cfgetospeed(&now), static_cast<speed_t>(B19200));
@@ -67,6 +68,21 @@ TEST_F(SerialGuest, TheLineIsAsItWasAskedFor) {
             static_cast<tcflag_t>(PARENB | PARODD));
   EXPECT_EQ(now.c_iflag & (IXON | IXOFF), static_cast<tcflag_t>(IXON | IXOFF));
   EXPECT_EQ(now.c_lflag & (ICANON | ECHO | ISIG), 0U);
+}
+
+TEST_F(SerialGuest, TheModemLinesAreAsTheOpeningLeavesThem) {
+  const auto lines = [this](OpeningLines wanted) {
+    const auto link = open_serial(kNode, {.opening_lines = wanted}, *clock);
+    const int node = ::open(kNode, O_RDWR | O_NOCTTY | O_NONBLOCK);
+    int now = 0;
+    EXPECT_EQ(::ioctl(node, TIOCMGET, &now), 0);
+    ::close(node);
+    return now & (TIOCM_RTS | TIOCM_DTR);
+  };
+  EXPECT_EQ(lines(OpeningLines::asserted), TIOCM_RTS | TIOCM_DTR);
+  EXPECT_EQ(lines(OpeningLines::released), 0);
+  EXPECT_EQ(lines(OpeningLines::rts_pulse), TIOCM_DTR);
+  EXPECT_EQ(lines(OpeningLines::dtr_pulse), TIOCM_RTS | TIOCM_DTR);
 }
 
 TEST_F(SerialGuest, ACurrentIsSetAndMeasured) {

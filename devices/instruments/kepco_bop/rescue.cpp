@@ -94,8 +94,7 @@ void rescue(const std::vector<std::unique_ptr<ByteLink>>& links) {
 
 // XON/XOFF is what a BOP has enabled from the factory, and 9600 baud.
 Rescue rescue_row(std::string_view driver) {
-  return {std::string(driver),
-          {"baud_rate"},
+  return {std::string(driver), kLineKeys,
           ByteRescue{{.baud_rate = 9600, .xon_xoff = true}, answers, rescue}};
 }
 

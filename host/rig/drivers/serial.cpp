@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/drivers/serial.h"
 
+#include <algorithm>
 #include <stdexcept>
+#include <vector>
 
 namespace vitreo {
 namespace {
@@ -13,6 +15,24 @@ std::string bus_of(const InstrumentReader& instrument) {
   } catch (const std::invalid_argument& problem) {
     instrument.reader.fail("address", problem.what());
   }
+}
+
+/// One of an enumeration whose names are in its order.
+template <class Enum>
+void read_enum(ConfigReader& reader, const std::string& key, const std::vector<std::string>& names,
+               Enum& value) {
+  const std::string chosen = reader.choice(key, names[static_cast<std::size_t>(value)], names);
+  value = static_cast<Enum>(std::find(names.begin(), names.end(), chosen) - names.begin());
+}
+
+/// What the line has beside its rate.
+void read_line(ConfigReader& reader, SerialSettings& line) {
+  line.data_bits = reader.integer("data_bits", line.data_bits, 5, 8);
+  line.stop_bits = reader.integer("stop_bits", line.stop_bits, 1, 2);
+  read_enum(reader, "parity", parity_names(), line.parity);
+  read_enum(reader, "opening_lines", opening_lines_names(), line.opening_lines);
+  const char* const usual = line.rts_cts ? "rts_cts" : line.xon_xoff ? "xon_xoff" : "none";
+  set_flow(line, reader.choice("flow", usual, flow_names()));
 }
 
 }  // namespace
@@ -29,17 +49,7 @@ SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSe
   if (!place.ideal && baud_rate < 300)
     instrument.reader.fail("baud_rate", "must be 300 or more (0: emulated, bytes take no time)");
   if (!place.ideal) place.serial.baud_rate = baud_rate;
-  if (bus == "serial") {
-    place.serial.data_bits = instrument.reader.integer("data_bits", usual.data_bits, 7, 8);
-    const std::string parity = instrument.reader.choice("parity",
-                                                        usual.parity == Parity::odd    ? "odd"
-                                                        : usual.parity == Parity::even ? "even"
-                                                                                       : "none",
-                                                        {"none", "odd", "even"});
-    place.serial.parity = parity == "odd"    ? Parity::odd
-                          : parity == "even" ? Parity::even
-                                             : Parity::none;
-  }
+  read_line(instrument.reader, place.serial);
   return place;
 }
 

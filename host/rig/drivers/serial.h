@@ -25,7 +25,7 @@ struct SerialPlace {
   int baud_rate() const { return ideal ? 0 : serial.baud_rate; }
   /// Of a link in memory.
   MemoryLinkSettings in_memory() const {
-    return {Time::zero(), ideal ? Time::zero() : character_time(serial.baud_rate)};
+    return {Time::zero(), ideal ? Time::zero() : character_time(serial)};
   }
 };
 
@@ -40,9 +40,10 @@ void check_settings(const InstrumentReader& instrument, const Settings& settings
   }
 }
 
-/// Reads `baud_rate` (not of "tcp:" addresses; 0 of an emulated one: its bytes take no time),
-/// `data_bits` and `parity` (of "serial:" ones), and refuses an address that carries no bytes.
-/// `usual` holds what the instrument's manual says.
+/// Reads `baud_rate` (0 of an emulated one: its bytes take no time), `data_bits`, `parity`,
+/// `stop_bits`, `flow` and `opening_lines`, none of them of "tcp:" addresses, and refuses an
+/// address that carries no bytes. Of a line in memory the first four say how long a byte takes; it
+/// has no flow control and no modem lines. `usual` holds what the instrument's manual says.
 SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSettings& usual);
 
 /// What is wrong with the wire to a role's emulators; null where nothing is simulated.

@@ -31,9 +31,7 @@ Opener<Stage> read_sutter_mp285(const InstrumentReader& instrument) {
   settings.speed = reader.number("speed", std::min(settings.speed, settings.max_speed), speed);
   settings.opening_pause = reader.number("opening_pause", settings.opening_pause, {0, 10, "s"});
   settings.reply_timeout = reader.number("reply_timeout", settings.reply_timeout, {0.02, 60, "s"});
-  SerialSettings usual;
-  usual.rts_cts = reader.flag("rts_cts", false);
-  const SerialPlace place = read_serial_place(instrument, usual);
+  const SerialPlace place = read_serial_place(instrument, {});
   instrument.links.loads.push_back(
       {instrument.role, "a move", sutter_mp285::move_time(place.baud_rate()), false, 0});
   const std::string load = read_load(instrument, "nothing");

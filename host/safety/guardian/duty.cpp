@@ -42,6 +42,20 @@ Rescue rescue_of(const Output& output) {
   return *found;
 }
 
+/// The line as the rig file has it; choices come as their places among their names.
+SerialSettings line_of(const RescueSettings& settings, SerialSettings line) {
+  const auto set = [&settings](const char* key, const auto& take) {
+    if (const auto found = settings.find(key); found != settings.end())
+      take(static_cast<int>(found->second));
+  };
+  set("baud_rate", [&](int value) { line.baud_rate = value; });
+  set("data_bits", [&](int value) { line.data_bits = value; });
+  set("stop_bits", [&](int value) { line.stop_bits = value; });
+  set("parity", [&](int value) { line.parity = static_cast<Parity>(value); });
+  set("flow", [&](int value) { set_flow(line, flow_names().at(static_cast<std::size_t>(value))); });
+  return line;
+}
+
 }  // namespace
 
 // The place of each unit is noted now, while the host still vouches for it; nothing is opened.
@@ -65,10 +79,7 @@ void Duty::bring_to_zero(const HidRescue& rescue, Clock& clock) {
 
 std::unique_ptr<ByteLink> Duty::open(const std::string& place, const ByteRescue& rescue,
                                      Clock& clock) const {
-  SerialSettings line = rescue.line;
-  if (const auto rate = output_.settings.find("baud_rate"); rate != output_.settings.end())
-    line.baud_rate = static_cast<int>(rate->second);
-  return open_byte_link(place, line, clock);
+  return open_byte_link(place, line_of(output_.settings, rescue.line), clock);
 }
 
 /// A unit that cannot be reached does not keep the others from their zero.

@@ -14,7 +14,10 @@
 #include <fstream>
 #include <functional>
 #include <numeric>
+#include <pty.h>
 #include <stdexcept>
+#include <termios.h>
+#include <unistd.h>
 
 namespace vitreo {
 namespace {
@@ -139,6 +142,67 @@ TEST_F(RealLink, DescribesItselfByItsAddressAndItsSettings) {
   EXPECT_EQ(serial->description(), port.address() + " at 19200 baud, 8N1, XON/XOFF");
   EXPECT_EQ(open(socket.address())->description(), socket.address());
   EXPECT_EQ(to_string(SerialSettings{.rts_cts = true}), "9600 baud, 8N1, RTS/CTS");
+  EXPECT_EQ(to_string(SerialSettings{.data_bits = 5, .parity = Parity::mark, .stop_bits = 2}),
+            "9600 baud, 5M2");
+}
+
+/// The line's flags as a terminal's master shows them.
+struct Master {
+  Master() {
+    char name[64] = {};
+    EXPECT_EQ(::openpty(&far, &near, name, nullptr, nullptr), 0);
+    path = name;
+  }
+  ~Master() {
+    ::close(far);
+    ::close(near);
+  }
+  Master(const Master&) = delete;
+  Master& operator=(const Master&) = delete;
+  termios line() const {
+    termios now{};
+    EXPECT_EQ(::tcgetattr(far, &now), 0);
+    return now;
+  }
+  int far = -1;
+  int near = -1;
+  std::string path;
+};
+
+// A pseudo-terminal forgets the size and that there is a parity; which parity and the stop bits it
+// keeps.
+TEST_F(RealLink, SetsStopBitsFlowAndWhichParity) {
+  const auto flags = [this](const SerialSettings& settings) {
+    const Master master;
+    const auto link = open_serial(master.path, settings, *clock);
+    return master.line().c_cflag & (CSTOPB | PARODD | CMSPAR | CRTSCTS);
+  };
+  EXPECT_EQ(flags({}), 0U);
+  EXPECT_EQ(flags({.stop_bits = 2}), static_cast<tcflag_t>(CSTOPB));
+  EXPECT_EQ(flags({.parity = Parity::odd}), static_cast<tcflag_t>(PARODD));
+  EXPECT_EQ(flags({.parity = Parity::even}), 0U);
+  EXPECT_EQ(flags({.parity = Parity::mark}), static_cast<tcflag_t>(CMSPAR | PARODD));
+  EXPECT_EQ(flags({.parity = Parity::space}), static_cast<tcflag_t>(CMSPAR));
+  EXPECT_EQ(flags({.rts_cts = true}), static_cast<tcflag_t>(CRTSCTS));
+}
+
+TEST_F(RealLink, RefusesALineThatCannotBe) {
+  const Master master;
+  EXPECT_THROW(open_serial(master.path, {.data_bits = 4}, *clock), std::invalid_argument);
+  EXPECT_THROW(open_serial(master.path, {.data_bits = 9}, *clock), std::invalid_argument);
+  EXPECT_THROW(open_serial(master.path, {.stop_bits = 3}, *clock), std::invalid_argument);
+}
+
+// What an instrument says while its lines are toggled is no answer to anything.
+TEST_F(RealLink, APulseOfTheModemLinesTakesItsTimeAndFlushes) {
+  const Master master;
+  EXPECT_EQ(::write(master.far, "junk", 4), 4);
+  const Time before = clock->now();
+  const auto link = open_serial(master.path, {.opening_lines = OpeningLines::rts_pulse}, *clock);
+  EXPECT_GE(clock->now() - before, 100ms);
+  EXPECT_LT(clock->now() - before, 400ms);
+  EXPECT_EQ(::write(master.far, "!", 1), 1);
+  EXPECT_EQ(link->read(9, 1s), bytes("!"));
 }
 
 TEST_F(RealLink, FindsNothingWhereNothingIs) {

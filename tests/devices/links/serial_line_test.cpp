@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/serial_line.h"
 
+#include "devices/links/serial_link.h"
 #include "devices/links/usb_frames.h"
 #include "tests/devices/links/echo_peer.h"
 
@@ -21,6 +22,9 @@ TEST(SerialLine, ACharacterIsItsStartDataParityAndStopBits) {
   EXPECT_EQ(character_time(1000, {.parity = true, .stop_bits = 2}), 12ms);
   // 10 / 9600 s, to the nanosecond.
   EXPECT_EQ(character_time(9600), 1041667ns);
+  EXPECT_EQ(character_time(SerialSettings{
+                .baud_rate = 1000, .data_bits = 7, .parity = Parity::odd, .stop_bits = 2}),
+            11ms);
   EXPECT_THROW(character_time(0), std::invalid_argument);
 }
 
