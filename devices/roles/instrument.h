@@ -43,7 +43,7 @@ struct CommandInfo {
 
 struct InstrumentInfo {
   Identity identity;
-  std::string kind;      ///< "sensor", "actuator", "pump", "switch", "interlock_input", "instrument"
+  std::string kind;      ///< a free one: "sensor", "actuator", "pump", "switch", ...
   std::string measures;  ///< of a sensor or an actuator: "temperature", "flow"; may be empty
   std::vector<QuantityInfo> quantities;
   std::vector<CommandInfo> commands;

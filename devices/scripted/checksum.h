@@ -2,12 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/scripted/declaration.h"
-
+#include <cstddef>
 #include <string>
 #include <string_view>
 
 namespace vitreo::scripted {
+
+enum class Checksum { none, sum8, xor8, lrc, crc16_modbus, crc16_xmodem };
 
 /// The bytes that follow `message`: one of sum8 (the sum modulo 256), xor8, lrc (two's complement
 /// of the sum); two of crc16_modbus (polynomial 0xA001 reflected, begins with 0xFFFF, low byte

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/scripted/declaration.h"
 
-#include "devices/scripted/checksum.h"
 #include "devices/scripted/lua_values.h"
 #include "devices/scripted/table_reader.h"
 
@@ -542,19 +541,6 @@ const std::vector<std::string>& kinds() {
     return all;
   }();
   return names;
-}
-
-std::string framed(const Framing& framing, const std::string& message) {
-  std::string whole = message + checksum_of(framing.checksum, message);
-  if (framing.kind == Framing::Kind::brackets && !framing.plain_send)
-    return framing.start + whole + framing.stop;
-  return whole + framing.send_end;
-}
-
-std::string framed_answer(const Framing& framing, const std::string& message) {
-  std::string whole = message + checksum_of(framing.checksum, message);
-  if (framing.kind == Framing::Kind::brackets) return framing.start + whole + framing.stop;
-  return framing.kind == Framing::Kind::line ? whole + framing.receive_end : whole;
 }
 
 bool is_free(std::string_view kind) {

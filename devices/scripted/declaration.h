@@ -5,6 +5,7 @@
 
 #include "devices/links/serial_link.h"
 #include "devices/roles/instrument.h"
+#include "devices/scripted/framing.h"
 #include "devices/scripted/sandbox.h"
 
 #include <cstddef>
@@ -47,27 +48,6 @@ struct SettingDeclaration {
 /// In the declared units.
 using SettingValues = std::map<std::string, QuantityValue>;
 
-enum class Checksum { none, sum8, xor8, lrc, crc16_modbus, crc16_xmodem };
-
-/// Where one message ends and the next begins.
-struct Framing {
-  enum class Kind { line, fixed, header, brackets, quiet };
-  Kind kind = Kind::line;
-  bool plain_send = false;  ///< what is sent ends with send_end, whatever the answers are framed by
-  std::string send_end = "\n";     ///< of lines
-  std::string receive_end = "\n";  ///< of lines
-  std::size_t length = 0;          ///< of a fixed message, or of a header, bytes
-  Reference rest{};                ///< function(header): how many bytes follow it
-  std::string start{}, stop{};     ///< of brackets, one byte each
-  Time quiet{};                    ///< silence that ends a message
-  Checksum checksum = Checksum::none;
-  std::size_t most = 4096;  ///< bytes of a message
-};
-
-/// A message as it is sent, and as the instrument sends it: with checksum and frame.
-std::string framed(const Framing& framing, const std::string& message);
-std::string framed_answer(const Framing& framing, const std::string& message);
-
 struct LinkDeclaration {
   std::vector<std::string> buses{"serial", "tcp"};  ///< what an address may begin with
   SerialSettings serial{};
@@ -77,10 +57,6 @@ struct LinkDeclaration {
   Time opening_pause{};                    ///< after the link was opened
   bool echo = false;                       ///< what is sent comes back first
 };
-
-/// A message, or a function of the file; neither: it is not there.
-using Action = std::variant<std::monostate, std::string, Reference>;
-inline bool is_there(const Action& action) { return action.index() != 0; }
 
 struct PropertyDeclaration {
   QuantityInfo info;

@@ -36,7 +36,8 @@ end
 function methods:later(delay, message)
   self.planned[#self.planned + 1] = { self.now + delay, message }
 end
-return function() return setmetatable({ now = 0, glides = {}, planned = {} }, { __index = methods }) end
+local kind = { __index = methods }
+return function() return setmetatable({ now = 0, glides = {}, planned = {} }, kind) end
 )";
 
 class ScriptedEmulator final : public Emulator {

@@ -258,6 +258,37 @@ int Sandbox::resume(lua_State* thread, int arguments, int* results) {
   return status;
 }
 
+/// What the thread yielded, the operation's name and its arguments, is taken; what it is to go on
+/// with is left on it. How many values these are.
+int Sandbox::carry_out(lua_State* thread, int count, Operations* operations) {
+  const std::string name = lua_tostring(thread, -count);
+  lua_State* const L = lua_newthread(main_);  // a stack for the operation alone
+  const Reference kept(main_);
+  if (count > kMostArguments || lua_checkstack(L, count + LUA_MINSTACK) == 0)
+    throw ScriptFault(place(thread) + "io:" + name + ": has too many arguments");
+  lua_xmove(thread, L, count - 1);
+  lua_pop(thread, 1);
+  try {
+    if (operations == nullptr) throw std::invalid_argument("io:" + name + " cannot be called here");
+    const int pushed = operations->perform(name, L);
+    if (lua_checkstack(thread, pushed + LUA_MINSTACK) == 0) throw std::bad_alloc();
+    lua_pushboolean(thread, 1);
+    lua_xmove(L, thread, pushed);
+    return pushed + 1;
+  } catch (const Stopped&) {
+    throw;
+  } catch (const std::invalid_argument& wrong) {
+    const std::string problem = place(thread) + "io:" + name + ": " + wrong.what();
+    lua_pushboolean(thread, 0);
+    lua_pushlstring(thread, problem.data(), problem.size());
+    return 2;
+  } catch (...) {
+    lua_pushboolean(thread, 0);
+    push_failure(thread, std::current_exception());
+    return 2;
+  }
+}
+
 // A coroutine of its own each time: it is suspended in each operation, which is carried out here,
 // outside of Lua, where it may wait and throw.
 void Sandbox::call(int arguments, int results, Operations* operations, Clock* clock) {
@@ -276,34 +307,7 @@ void Sandbox::call(int arguments, int results, Operations* operations, Clock* cl
     }
     if (status == LUA_OK) break;
     if (status != LUA_YIELD) fail(thread, status);
-    // What it yields: the operation's name, and its arguments.
-    const std::string name = lua_tostring(thread, -count);
-    lua_State* const L = lua_newthread(main_);  // a stack for the operation alone
-    const Reference kept(main_);
-    if (count > kMostArguments || lua_checkstack(L, count + LUA_MINSTACK) == 0)
-      throw ScriptFault(place(thread) + "io:" + name + ": has too many arguments");
-    lua_xmove(thread, L, count - 1);
-    lua_pop(thread, 1);
-    try {
-      if (operations == nullptr)
-        throw std::invalid_argument("io:" + name + " cannot be called here");
-      const int pushed = operations->perform(name, L);
-      if (lua_checkstack(thread, pushed + LUA_MINSTACK) == 0) throw std::bad_alloc();
-      lua_pushboolean(thread, 1);
-      lua_xmove(L, thread, pushed);
-      given = pushed + 1;
-    } catch (const Stopped&) {
-      throw;
-    } catch (const std::invalid_argument& wrong) {
-      const std::string problem = place(thread) + "io:" + name + ": " + wrong.what();
-      lua_pushboolean(thread, 0);
-      lua_pushlstring(thread, problem.data(), problem.size());
-      given = 2;
-    } catch (...) {
-      lua_pushboolean(thread, 0);
-      push_failure(thread, std::current_exception());
-      given = 2;
-    }
+    given = carry_out(thread, count, operations);
   }
   lua_settop(thread, results);
   lua_xmove(thread, main_, results);

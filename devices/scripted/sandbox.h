@@ -16,6 +16,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <variant>
 
 namespace vitreo::scripted {
 
@@ -53,6 +54,10 @@ class Reference {
   struct Held;
   std::shared_ptr<Held> held_;
 };
+
+/// A message, or a function of the file; neither: it is not there.
+using Action = std::variant<std::monostate, std::string, Reference>;
+inline bool is_there(const Action& action) { return action.index() != 0; }
 
 class Sandbox {
  public:
@@ -99,6 +104,7 @@ class Sandbox {
   static void count(lua_State* L, lua_Debug*);
   void open();
   int resume(lua_State* thread, int arguments, int* results);
+  int carry_out(lua_State* thread, int count, Operations* operations);
   [[noreturn]] void fail(lua_State* thread, int status);
   std::string place(lua_State* thread) const;
 

@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/scripted/declaration.h"
+#include "devices/roles/instrument.h"
 #include "devices/scripted/sandbox.h"
 
 #include <optional>

@@ -170,16 +170,15 @@ void read_results(Database& database, RunData& data) {
             for (const nlohmann::json& one : parsed(row.text(2))) table.rows.push_back(texts(one));
             data.tables.push_back(std::move(table));
           });
-  rows_of(database, "SELECT name, caption, file FROM picture ORDER BY seq",
-          [&](const Statement& row) {
-            const std::string file = inside(data, row.text(2));
-            std::string bytes;
-            if (fs::is_regular_file(data.folder / file)) bytes = read_whole_file(data.folder / file);
-            data.pictures.push_back(
-                {row.text(0), row.text(1), file,
-                 std::make_shared<PngImage>(
-                     std::vector<unsigned char>(bytes.begin(), bytes.end()))});
-          });
+  rows_of(
+      database, "SELECT name, caption, file FROM picture ORDER BY seq", [&](const Statement& row) {
+        const std::string file = inside(data, row.text(2));
+        std::string bytes;
+        if (fs::is_regular_file(data.folder / file)) bytes = read_whole_file(data.folder / file);
+        data.pictures.push_back(
+            {row.text(0), row.text(1), file,
+             std::make_shared<PngImage>(std::vector<unsigned char>(bytes.begin(), bytes.end()))});
+      });
 }
 
 void read_events(Database& database, RunData& data) {

@@ -1,0 +1,33 @@
+// Framing of messages on a link: where one ends and the next begins.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/scripted/checksum.h"
+#include "devices/scripted/sandbox.h"
+#include "devices/time/clock.h"
+
+#include <cstddef>
+#include <string>
+
+namespace vitreo::scripted {
+
+/// Where one message ends and the next begins.
+struct Framing {
+  enum class Kind { line, fixed, header, brackets, quiet };
+  Kind kind = Kind::line;
+  bool plain_send = false;  ///< what is sent ends with send_end, whatever the answers are framed by
+  std::string send_end = "\n";     ///< of lines
+  std::string receive_end = "\n";  ///< of lines
+  std::size_t length = 0;          ///< of a fixed message, or of a header, bytes
+  Reference rest{};                ///< function(header): how many bytes follow it
+  std::string start{}, stop{};     ///< of brackets, one byte each
+  Time quiet{};                    ///< silence that ends a message
+  Checksum checksum = Checksum::none;
+  std::size_t most = 4096;  ///< bytes of a message
+};
+
+/// A message as it is sent, and as the instrument sends it: with checksum and frame.
+std::string framed(const Framing& framing, const std::string& message);
+std::string framed_answer(const Framing& framing, const std::string& message);
+
+}  // namespace vitreo::scripted
