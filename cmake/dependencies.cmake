@@ -63,6 +63,7 @@ pkg_check_modules(HDF5 REQUIRED hdf5-serial)
 find_library(HDF5_LIBRARY hdf5 HINTS ${HDF5_LIBRARY_DIRS} REQUIRED)
 pkg_check_modules(HIDAPI REQUIRED IMPORTED_TARGET hidapi-hidraw)  # its other back end has the same symbols: never both
 pkg_check_modules(LIBUSB REQUIRED IMPORTED_TARGET libusb-1.0)
+pkg_check_modules(LIBEVDEV REQUIRED IMPORTED_TARGET libevdev)
 pkg_check_modules(ARAVIS REQUIRED aravis-0.8)
 pkg_check_modules(GOBJECT REQUIRED IMPORTED_TARGET gobject-2.0)
 find_library(ARAVIS_LIBRARY aravis-0.8 HINTS ${ARAVIS_LIBRARY_DIRS} REQUIRED)

@@ -54,6 +54,13 @@ std::unique_ptr<ByteLink> open_byte_link(const std::string& address, const Seria
                               "\" is neither serial:PATH nor tcp:HOST:PORT");
 }
 
+std::unique_ptr<EventLink> open_event_link(const std::string& address, Clock& clock) {
+  const Address where = parse_address(address);
+  if (where.bus == "evdev") return open_evdev(where.place, clock);
+  throw std::invalid_argument("address: \"" + address +
+                              "\" is not evdev:/dev/input/eventN or evdev:VVVV:PPPP");
+}
+
 bool carries_messages(const std::string& address) {
   const std::string bus = parse_address(address).bus;
   return std::any_of(kMessageBuses.begin(), kMessageBuses.end(),

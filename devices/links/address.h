@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/links/byte_link.h"
+#include "devices/links/event_link.h"
 #include "devices/links/message_link.h"
 #include "devices/links/serial_link.h"
 
@@ -31,5 +32,8 @@ bool carries_messages(const std::string& address);
 /// For those. Throws std::invalid_argument for another bus, and for a place that is none of its;
 /// DeviceError as the bus' own function does.
 std::unique_ptr<MessageLink> open_message_link(const std::string& address, Clock& clock);
+
+/// For "evdev:". Throws std::invalid_argument for another bus, else as open_evdev().
+std::unique_ptr<EventLink> open_event_link(const std::string& address, Clock& clock);
 
 }  // namespace vitreo

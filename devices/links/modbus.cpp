@@ -185,9 +185,9 @@ class AnyClient : public Client {
   }
 };
 
-/// A frame ends with a silence, and its beginning tells its length. An answer carries no mark of
-/// its question: after a time-out nothing is sent until the late answer has come, or cannot come
-/// any more.
+/// An answer carries no mark of its question: after a time-out nothing is sent until the late
+/// answer has come, or cannot come any more. It is known by unit, function, length and CRC,
+/// wherever it begins: drivers of RS-485 put a byte of noise before it.
 class RtuClient final : public AnyClient {
  public:
   using AnyClient::AnyClient;
@@ -210,6 +210,7 @@ class RtuClient final : public AnyClient {
     const Time on_the_line = static_cast<std::int64_t>(frame.size()) * settings_.character;
     dialogue_.send(frame, question.words);
     last_ = later(clock().now(), on_the_line);
+    if (settings_.echo) take_echo(question, frame);
     if (question.unit == 0) {
       clock().sleep_until(later(last_, settings_.turnaround));
       return {};
@@ -217,57 +218,94 @@ class RtuClient final : public AnyClient {
     owed_ = question;
     const Time deadline = later(last_, settings_.reply_timeout);
     owed_until_ = later(deadline, settings_.late);
-    return answer(question, deadline);
+    return answer(question, frame, deadline);
   }
 
-  ByteString answer(const Question& question, Time deadline) {
-    std::string stranger;
-    for (;;) {
-      ByteString frame = next_frame(stranger, deadline, question);
-      last_ = clock().now();
-      if (question.answered_by(frame)) {
-        owed_.reset();
-        if (has_right_crc(frame)) return {frame.begin() + 1, frame.end() - 2};
-        dialogue_.settle(pause_within());
-        confused(question, "it answers with a wrong CRC: " + printable(frame));
+  void take_echo(const Question& question, const ByteString& frame) {
+    const ByteString back = dialogue_.take(frame.size(), later(last_, 10 * kBlock));
+    if (back != frame)
+      confused(question,
+               "the line gives back something else than what is sent: " + printable(back));
+  }
+
+  /// What is in come_ of an answer.
+  struct Found {
+    std::optional<ByteString> pdu;  // of a whole one
+    std::size_t wanted = 0;         // of one that has begun: its bytes in all; 0: none has
+    std::size_t come = 0;           // and those that are there
+    bool wrong_crc = false;         // of one that is whole
+  };
+  /// `over`: nothing has come for a while, which ends an answer whose length is not known.
+  Found look(const Question& question, bool over) const {
+    Found found;
+    for (std::span<const std::uint8_t> rest(come_); rest.size() >= 2; rest = rest.subspan(1)) {
+      if (!question.answered_by(rest)) continue;
+      auto size = rtu_answer_size(rest);
+      if (!size && rest[1] > 4 && over) size = rest.size();
+      if (size && rest.size() >= *size) {
+        if (has_right_crc(rest.first(*size))) {
+          found.pdu =
+              ByteString(rest.begin() + 1, rest.begin() + static_cast<std::ptrdiff_t>(*size) - 2);
+          return found;
+        }
+        found.wrong_crc = true;
+      } else if (found.wanted == 0 && (size || rest[1] <= 4)) {
+        found.wanted = size.value_or(5);
+        found.come = rest.size();
       }
-      // Another unit's, or an answer to a question of before; ours may still come.
-      stranger = printable(frame);
     }
+    return found;
   }
 
-  /// What comes first: of the length that its beginning tells, or up to a silence.
-  ByteString next_frame(const std::string& stranger, Time deadline, const Question& question) {
-    if (!stranger.empty() && !dialogue_.await(deadline))
-      confused(question, "came only what is no answer to it: " + stranger);
-    need(1, deadline);
+  ByteString answer(const Question& question, const ByteString& asked, Time deadline) {
+    std::string stranger;
     const Time end = later(deadline, 260 * settings_.character + kBlock);
-    need(2, end);
-    if (!question.answered_by(come_)) return up_to_a_silence();
-    const auto size_known = rtu_answer_size(come_);
-    if (!size_known && come_[1] > 4) return up_to_a_silence();
-    if (!size_known) need(3, end);
-    const std::size_t size = *rtu_answer_size(come_);
-    need(size, end);
-    return taken(size);
-  }
-  ByteString up_to_a_silence() {
-    constexpr std::size_t kLargest = 256;  // MSL 2.5.1
-    while (come_.size() < kLargest) {
-      const auto byte = dialogue_.next(later(clock().now(), pause_within()));
-      if (!byte) break;
-      come_.push_back(*byte);
+    for (;;) {
+      if (come_.empty() && stranger.empty()) come_ = dialogue_.take(1, deadline);
+      const Found begun = look(question, false);
+      if (begun.pdu) return settled(*begun.pdu);
+      const Time pause = later(clock().now(), pause_within());
+      if (const auto byte = dialogue_.next(come_.empty()      ? deadline
+                                           : begun.wanted > 0 ? end
+                                                              : std::min(pause, end))) {
+        come_.push_back(*byte);
+        continue;
+      }
+      last_ = clock().now();
+      const Found found = look(question, true);
+      if (found.pdu) return settled(*found.pdu);
+      if (come_ == asked)
+        confused(question, "the line gives back what is sent: is `echo` to be set?");
+      if (found.wrong_crc) {
+        owed_.reset();
+        confused(question, "it answers with a wrong CRC: " + printable(come_));
+      }
+      if (found.wanted > 0)
+        dialogue_.fail(DeviceErrorKind::timeout,
+                       dialogue_.description() + ": only " + std::to_string(found.come) + " of " +
+                           std::to_string(found.wanted) +
+                           " bytes of an answer came in time: " + printable(come_));
+      if (!come_.empty()) stranger = printable(std::exchange(come_, {}));
+      if (clock().now() >= deadline)
+        dialogue_.fail(DeviceErrorKind::timeout, dialogue_.description() + ": to \"" +
+                                                     question.words +
+                                                     "\" came only what is no answer: " + stranger);
     }
-    return std::exchange(come_, {});
+  }
+  ByteString settled(const ByteString& pdu) {
+    last_ = clock().now();
+    owed_.reset();
+    come_.clear();
+    return pdu;
   }
 
   void wait_for_late_answer() {
     if (!owed_) return;
-    while (clock().now() < owed_until_) {
-      if (come_.empty() && !dialogue_.await(owed_until_)) break;
-      const ByteString frame = up_to_a_silence();
+    while (clock().now() < owed_until_ && !look(*owed_, true).pdu) {
+      const auto byte = dialogue_.next(owed_until_);
+      if (!byte) break;
+      come_.push_back(*byte);
       last_ = clock().now();
-      if (owed_->answered_by(frame) && has_right_crc(frame)) break;
     }
     owed_.reset();
   }

@@ -23,6 +23,9 @@ struct Settings {
   Time late = std::chrono::seconds(1);
   /// RTU: character_time() of the line; zero: its bytes take no time, or it is behind TCP.
   Time character{};
+  /// RTU: the adapter hears itself, so what is sent comes back before the answer, and is taken
+  /// away. Not guessed: a write and its answer are the same bytes.
+  bool echo = false;
   /// After a broadcast (unit 0), which is not answered (MSL 2.4.1: 100 to 200 ms).
   Time turnaround = std::chrono::milliseconds(100);
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/testbed/usb_descriptors.h"
 
+#include <algorithm>
 #include <cstdio>
 
 namespace vitreo {
@@ -118,6 +119,45 @@ std::string describe_hid(const UsbPaths&, const HidPaths& hid, const UsbIdentity
          "\nH: report_descriptor=" + in_hex(report_descriptor) + "\n\nP: " + hid.raw_devpath +
          "\nN: " + hid.node.substr(5) + "\nE: SUBSYSTEM=hidraw\nE: DEVNAME=" + hid.node +
          "\nE: MAJOR=241\nE: MINOR=0\n\n";
+}
+
+InputPaths::InputPaths(int number)
+    : input_devpath("/devices/virtual/input/input" + std::to_string(number)),
+      event_devpath(input_devpath + "/event" + std::to_string(number)),
+      node("/dev/input/event" + std::to_string(number)) {}
+
+namespace {
+
+/// Words of 64 bits in hexadecimal, the highest first.
+std::string capability(const std::vector<int>& bits) {
+  std::vector<unsigned long> words(1);
+  for (const int bit : bits) {
+    const auto word = static_cast<std::size_t>(bit / 64);
+    words.resize(std::max(words.size(), word + 1));
+    words[word] |= 1UL << bit % 64;
+  }
+  std::string text;
+  for (auto word = words.rbegin(); word != words.rend(); ++word) {
+    char digits[20];
+    std::snprintf(digits, sizeof digits, "%lx", *word);
+    text += (text.empty() ? "" : " ") + std::string(digits);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string describe_input(const InputPaths& paths, const InputNode& node) {
+  std::vector<int> axes;
+  for (const InputNode::Axis& axis : node.axes) axes.push_back(axis.code);
+  return "P: " + paths.input_devpath + "\nE: SUBSYSTEM=input\nA: name=" + node.name +
+         "\nA: uniq=" + node.serial + "\nA: id/vendor=" + format("%04x", node.vendor) +
+         "\nA: id/product=" + format("%04x", node.product) +
+         "\nA: capabilities/abs=" + capability(axes) +
+         "\nA: capabilities/key=" + capability(node.keys) + "\n\nP: " + paths.event_devpath +
+         "\nN: " + paths.node.substr(5) + "\nL: device=../../" +
+         paths.input_devpath.substr(paths.input_devpath.rfind('/') + 1) +
+         "\nE: SUBSYSTEM=input\nE: DEVNAME=" + paths.node + "\nE: MAJOR=13\nE: MINOR=64\n\n";
 }
 
 // clang-format off

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/links/usb_link.h"
+#include "devices/testbed/usb_testbed.h"
 
 #include <cstdint>
 #include <optional>
@@ -35,6 +36,16 @@ std::string describe_usb(const UsbPaths& paths, const UsbIdentity& identity,
                          std::uint8_t interface_class, bool bulk = false);
 std::string describe_hid(const UsbPaths& paths, const HidPaths& hid, const UsbIdentity& identity,
                          const std::vector<std::uint8_t>& report_descriptor);
+
+/// An input device without a bus, and its node.
+struct InputPaths {
+  explicit InputPaths(int number);
+  std::string sysfs() const { return "/sys" + event_devpath; }
+  std::string input_devpath;
+  std::string event_devpath;
+  std::string node;
+};
+std::string describe_input(const InputPaths& paths, const InputNode& node);
 
 /// One collection of the usage, with an input and an output report of 63 bytes.
 std::vector<std::uint8_t> report_descriptor(int usage_page, int usage);

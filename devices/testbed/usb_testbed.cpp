@@ -28,10 +28,12 @@ std::unique_ptr<UsbTestbed> make_usb_testbed() {
 #include <errno.h>
 #include <filesystem>
 #include <linux/hidraw.h>
+#include <linux/input.h>
 #include <linux/usbdevice_fs.h>
 #include <map>
 #include <mutex>
 #include <sys/ioctl.h>
+#include <time.h>
 #include <umockdev.h>
 #include <utility>
 #include <vector>
@@ -439,6 +441,90 @@ class PluggedHid final : public Plugged {
   std::deque<Bytes> reports_;
 };
 
+/// evdev: what a program asks of the device (linux/input.h), and its events; one byte waits in the
+/// pty for each piece of events that can be read.
+class PluggedInput final : public Plugged {
+ public:
+  PluggedInput(Timetable& timetable, const std::string& node, const std::string& sysfs,
+               InputNode input)
+      : Plugged(timetable, node, sysfs), input_(std::move(input)) {}
+  void change(InputNode input, const std::vector<InputEvent>& events) {
+    input_ = std::move(input);
+    timespec now{};
+    ::clock_gettime(CLOCK_MONOTONIC, &now);
+    Bytes piece;
+    for (const InputEvent& one : events) {
+      input_event event{};
+      event.input_event_sec = now.tv_sec;
+      event.input_event_usec = now.tv_nsec / 1000;
+      event.type = static_cast<std::uint16_t>(one.type);
+      event.code = static_cast<std::uint16_t>(one.code);
+      event.value = one.value;
+      const auto* const bytes = reinterpret_cast<const std::uint8_t*>(&event);
+      piece.insert(piece.end(), bytes, bytes + sizeof event);
+    }
+    pieces_.push_back(std::move(piece));
+    pty_.put_byte();
+  }
+
+ private:
+  gboolean ioctl(UMockdevIoctlClient* client, unsigned long request,
+                 UMockdevIoctlData* arg) override {
+    constexpr unsigned kBits = 0x20, kAbs = 0x40, kGrab = 0x90;
+    const unsigned number = _IOC_NR(request);
+    if (_IOC_TYPE(request) != 'E') return done(client, -1, ENOTTY);
+    if (number == kGrab) {
+      if (grabbed_ && arg != nullptr && arg->client_addr != 0) return done(client, -1, EBUSY);
+      grabbed_ = true;  // released by the closing of the node, which is not told here
+      return done(client, 0);
+    }
+    if ((_IOC_DIR(request) & _IOC_READ) == 0) return done(client, 0);  // the clock of the stamps
+    Bytes answer(_IOC_SIZE(request));
+    const auto put = [&answer](const auto& value) {
+      std::memcpy(answer.data(), &value, std::min(answer.size(), sizeof value));
+    };
+    if (request == EVIOCGVERSION) put(EV_VERSION);
+    if (request == EVIOCGID) put(input_id{BUS_USB, input_.vendor, input_.product, 1});
+    if (number == _IOC_NR(EVIOCGNAME(0))) put_text(answer, input_.name);
+    if (number == _IOC_NR(EVIOCGUNIQ(0))) put_text(answer, input_.serial);
+    if (number == _IOC_NR(EVIOCGKEY(0))) put_bits(answer, input_.held);
+    if (number == kBits) put_bits(answer, {EV_SYN, EV_KEY, EV_ABS});
+    if (number == kBits + EV_KEY) put_bits(answer, input_.keys);
+    for (const InputNode::Axis& axis : input_.axes) {
+      if (number == kBits + EV_ABS) put_bits(answer, {axis.code});
+      if (number == kAbs + static_cast<unsigned>(axis.code))
+        put(input_absinfo{axis.value, axis.minimum, axis.maximum, 0, axis.flat, 0});
+    }
+    const Data all = resolve(arg, 0, answer.size());
+    std::copy(answer.begin(), answer.end(), all->data);
+    return done(client, static_cast<long>(answer.size()));
+  }
+  static void put_text(Bytes& answer, const std::string& text) {
+    std::copy_n(text.begin(), std::min(text.size(), answer.size()), answer.begin());
+  }
+  static void put_bits(Bytes& answer, const std::vector<int>& bits) {
+    for (const int bit : bits)
+      if (const auto at = static_cast<std::size_t>(bit / 8); at < answer.size())
+        answer[at] = static_cast<std::uint8_t>(answer[at] | 1 << bit % 8);
+  }
+
+  gboolean read(UMockdevIoctlClient* client, UMockdevIoctlData* arg) override {
+    if (pieces_.empty()) return done(client, -1, EAGAIN);
+    Bytes all(arg->data, arg->data + arg->data_len);
+    const Bytes piece = std::move(pieces_.front());
+    pieces_.pop_front();
+    pty_.take_byte();
+    const std::size_t size = std::min(piece.size(), all.size());
+    std::copy_n(piece.begin(), size, all.begin());
+    umockdev_ioctl_data_update(arg, 0, all.data(), static_cast<int>(size));
+    return done(client, static_cast<long>(size));
+  }
+
+  InputNode input_;
+  bool grabbed_ = false;
+  std::deque<Bytes> pieces_;
+};
+
 /// A node that is a link to a real terminal: the client itself executes its ioctls on it. (Without
 /// a handler umockdev answers ioctls on a node of the testbed itself, and wrongly.)
 class TerminalNode {
@@ -500,6 +586,18 @@ class Umockdev final : public UsbTestbed {
                                      interval),
         describe_usb(paths, identity, 0x03) + describe_hid(paths, hid, identity, descriptor));
     return number;
+  }
+  int plug(const InputNode& node) override {
+    const int number = next_++;
+    const InputPaths paths(number);
+    add(number, paths.node,
+        std::make_unique<PluggedInput>(timetable_, paths.node, paths.sysfs(), node),
+        describe_input(paths, node));
+    return number;
+  }
+  void change(int plug, const InputNode& node, const std::vector<InputEvent>& events) override {
+    const std::lock_guard lock(mutex_);
+    dynamic_cast<PluggedInput&>(*plugged_.at(plug)).change(node, events);
   }
   void unplug(int plug) override {
     const auto found = plugged_.find(plug);

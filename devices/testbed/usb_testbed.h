@@ -9,9 +9,11 @@
 #include "devices/links/usb_link.h"
 #include "devices/time/clock.h"
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace vitreo {
 
@@ -27,6 +29,29 @@ enum class UsbFault {
 /// Usage page of HID devices that are none of the standard's kinds: the makers' own.
 constexpr int kVendorUsage = 0xFF00;
 
+/// A node of the kernel's input system, by the numbers of linux/input-event-codes.h.
+struct InputNode {
+  struct Axis {
+    int code = 0;
+    int value = 0;
+    int minimum = 0;
+    int maximum = 0;
+    int flat = 0;
+  };
+  std::string name;
+  std::string serial;
+  std::uint16_t vendor = 0;
+  std::uint16_t product = 0;
+  std::vector<Axis> axes;
+  std::vector<int> keys;
+  std::vector<int> held;  ///< of the keys
+};
+struct InputEvent {
+  int type = 0;
+  int code = 0;
+  int value = 0;
+};
+
 class UsbTestbed {
  public:
   virtual ~UsbTestbed() = default;
@@ -38,6 +63,10 @@ class UsbTestbed {
   /// `usage_page`, `usage`: of its top-level collection.
   virtual int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page = kVendorUsage,
                    int usage = 1, Time interval = kUsbFrame) = 0;
+  /// The same for an input device, as /dev/input/event with its number.
+  virtual int plug(const InputNode& node) = 0;
+  /// It has this state from now on, and its readers get the events, at once and in one piece.
+  virtual void change(int plug, const InputNode& node, const std::vector<InputEvent>& events) = 0;
   virtual void unplug(int plug) = 0;
   /// From now on the serial port `node` (below /dev) is the terminal `target`, such as a
   /// pseudo-terminal.

@@ -127,6 +127,11 @@ inline const std::vector<Row> kTable{
      {"libserialport.h"},
      true},
     {"devices/links/hidapi_link.cpp", {"devices/links/", "devices/time/"}, {}, {"hidapi.h"}},
+    {"devices/links/evdev_link.cpp",
+     {"devices/links/", "devices/time/"},
+     {},
+     {"libevdev/libevdev.h"},
+     true},
     {"devices/links/libusb_", {"devices/links/", "devices/time/"}, {}, {"libusb.h"}},
     {"devices/links/", {"devices/links/", "devices/time/"}, {}, {}, true},
     // Instruments of one Lua file: a sandbox of their own, below the host and its Lua.

@@ -301,8 +301,71 @@ class DoubleUsb final : public UsbLink {
   UsbIdentity identity_{0x1FFB, 0x00B3, 0x0109, "00123456", "Pololu", "Tic T825", ""};
 };
 
+DeviceError usb_double_error(std::int32_t result) {
+  return {result == -EPIPE       ? DeviceErrorKind::refused
+          : result == -ETIMEDOUT ? DeviceErrorKind::timeout
+                                 : DeviceErrorKind::lost,
+          "double", std::strerror(-result)};
+}
+
+/// USBTMC: the numbers of the endpoints are the double's (usbtmc.py). A transfer ends with a packet
+/// of less than 64 bytes, and the double gives it up to what is wanted.
+class DoubleUsbtmc final : public UsbtmcPipe {
+ public:
+  DoubleUsbtmc(const std::string& path, Clock& clock) : frames_(path), clock_(clock) {}
+  const std::string& address() const override { return address_; }
+  std::uint8_t interface_number() const override { return 0; }
+  std::uint8_t out_endpoint() const override { return 0x02; }
+  std::uint8_t in_endpoint() const override { return 0x81; }
+  void out(std::span<const std::uint8_t> transfer, Time) override {
+    std::vector<std::uint8_t> payload{out_endpoint()};
+    payload.insert(payload.end(), transfer.begin(), transfer.end());
+    ask('B', payload);
+  }
+  In in(std::size_t most, Time timeout) override {
+    std::vector<std::uint8_t> payload{in_endpoint()};
+    const auto patience = std::chrono::ceil<std::chrono::milliseconds>(timeout).count();
+    for (const std::size_t word : {most, static_cast<std::size_t>(patience)})
+      for (const int shift : {0, 8, 16, 24})
+        payload.push_back(static_cast<std::uint8_t>(word >> shift & 0xFF));
+    const Answer answer = frames_ask('R', payload);
+    if (answer.result == -ETIMEDOUT) return {};
+    if (answer.result < 0) throw usb_double_error(answer.result);
+    return {answer.data, true};
+  }
+  ByteString control(const UsbSetup& setup, std::uint16_t length, Time) override {
+    std::vector<std::uint8_t> payload{setup.type, setup.request};
+    for (const std::uint16_t word : {setup.value, setup.index, length}) {
+      payload.push_back(static_cast<std::uint8_t>(word & 0xFF));
+      payload.push_back(static_cast<std::uint8_t>(word >> 8));
+    }
+    return ask('C', payload);
+  }
+  void clear_halt(std::uint8_t endpoint) override { control({0x02, 1, 0, endpoint}, 0, {}); }
+  void reopen() override {}
+
+ private:
+  Answer frames_ask(char kind, const std::vector<std::uint8_t>& payload) {
+    Answer answer;
+    clock_.outside([&] { answer = frames_.ask(kind, payload); });
+    return answer;
+  }
+  std::vector<std::uint8_t> ask(char kind, const std::vector<std::uint8_t>& payload) {
+    Answer answer = frames_ask(kind, payload);
+    if (answer.result < 0) throw usb_double_error(answer.result);
+    return std::move(answer.data);
+  }
+
+  const std::string address_ = "usbtmc:1bfa:0498";
+  Frames frames_;
+  Clock& clock_;
+};
+
 }  // namespace
 
+std::unique_ptr<UsbtmcPipe> open_double_usbtmc(const std::string& socket, Clock& clock) {
+  return std::make_unique<DoubleUsbtmc>(socket, clock);
+}
 std::unique_ptr<HidLink> open_double_hid(const std::string& socket, Clock& clock) {
   return std::make_unique<DoubleHid>(socket, clock);
 }

@@ -5,6 +5,7 @@
 
 #include "devices/links/hid_link.h"
 #include "devices/links/usb_link.h"
+#include "devices/links/usbtmc_link.h"
 #include "devices/time/clock.h"
 
 #include <cstdint>
@@ -58,5 +59,6 @@ std::unique_ptr<HidLink> open_double_hid(const std::string& socket, Clock& clock
 std::unique_ptr<HidPeer> double_hid_peer(const std::string& socket,
                                          const std::vector<std::uint8_t>& questions);
 std::unique_ptr<UsbLink> open_double_usb(const std::string& socket, Clock& clock);
+std::unique_ptr<UsbtmcPipe> open_double_usbtmc(const std::string& socket, Clock& clock);
 
 }  // namespace vitreo
