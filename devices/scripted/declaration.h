@@ -5,6 +5,7 @@
 
 #include "devices/links/serial_link.h"
 #include "devices/roles/instrument.h"
+#include "devices/scripted/registers.h"
 #include "devices/scripted/sandbox.h"
 
 #include <cstddef>
@@ -51,7 +52,7 @@ enum class Checksum { none, sum8, xor8, lrc, crc16_modbus, crc16_xmodem };
 
 /// Where one message ends and the next begins.
 struct Framing {
-  enum class Kind { line, fixed, header, brackets, quiet };
+  enum class Kind { line, fixed, header, brackets, quiet, modbus };
   Kind kind = Kind::line;
   bool plain_send = false;  ///< what is sent ends with send_end, whatever the answers are framed by
   std::string send_end = "\n";     ///< of lines
@@ -60,12 +61,16 @@ struct Framing {
   Reference rest{};                ///< function(header): how many bytes follow it
   std::string start{}, stop{};     ///< of brackets, one byte each
   Time quiet{};                    ///< silence that ends a message
+  modbus::Framing modbus = modbus::Framing::rtu;
+  std::uint8_t unit = 1;  ///< of Modbus; a message is a PDU there: function and data
   Checksum checksum = Checksum::none;
   std::size_t most = 4096;  ///< bytes of a message
 };
 
-/// A message as it is sent, and as the instrument sends it: with checksum and frame.
-std::string framed(const Framing& framing, const std::string& message);
+/// A message as it is sent, and as the instrument sends it: with checksum and frame. `transaction`
+/// is of Modbus on TCP.
+std::string framed(const Framing& framing, const std::string& message,
+                   std::uint16_t transaction = 0);
 std::string framed_answer(const Framing& framing, const std::string& message);
 
 struct LinkDeclaration {
@@ -90,6 +95,7 @@ struct PropertyDeclaration {
   std::string answer{};   ///< Lua pattern whose capture is the value; empty: the usual one
   std::string expects{};  ///< Lua pattern that the answer to `set` has; empty: there is no answer
   std::map<std::string, std::string> choices{};  ///< name: what the instrument calls it
+  std::optional<RegisterDeclaration> held{};     ///< it is a Modbus register
 };
 
 struct CommandDeclaration {
@@ -122,7 +128,8 @@ struct Declaration {
   Action identity{};
   std::string identity_match{};
   std::vector<std::string> identity_fields{};  ///< name, serial, firmware: of its captures
-  std::vector<std::string> setup{};            ///< messages after the identity is known
+  int identity_tries = 1;  ///< of an instrument whose first answer after power-up is another one
+  std::vector<std::string> setup{};  ///< messages after the identity is known
   Reference start_up{};
   Action errors{};  ///< asked after each command: a message whose answer must have `no_error`
   std::string no_error{};
