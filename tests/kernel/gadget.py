@@ -215,10 +215,13 @@ class AcmGadget:
         """Binds to the controller."""
         if self.node is None:
             (self.folder / "UDC").write_text(self.udc)
-            self.node = os.open(wait_for("/dev/ttyGS0"), os.O_RDWR | os.O_NONBLOCK | os.O_NOCTTY)
-            tty.setraw(self.node)  # with echo the two ends would talk for ever
-            termios.tcflush(self.node, termios.TCIOFLUSH)
+            self._open()
         return "ttyACM0"
+
+    def _open(self):
+        self.node = os.open(wait_for("/dev/ttyGS0"), os.O_RDWR | os.O_NONBLOCK | os.O_NOCTTY)
+        tty.setraw(self.node)  # with echo the two ends would talk for ever
+        termios.tcflush(self.node, termios.TCIOFLUSH)
 
     def unplug(self):
         """The cable is out."""
@@ -236,11 +239,17 @@ class AcmGadget:
         return [] if self.node is None else [self.node]
 
     def read(self, node):
-        """Bytes of the host."""
+        """Bytes of the host. A reset by the host hangs this end up: it is opened anew."""
         try:
-            return os.read(node, 65536)
-        except OSError:
+            data = os.read(node, 65536)
+        except BlockingIOError:
             return b""
+        except OSError:
+            data = b""
+        if not data and node == self.node:
+            os.close(self.node)
+            self._open()
+        return data
 
     def write(self, data):
         """Bytes to the host; lost without one."""

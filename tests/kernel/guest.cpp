@@ -361,7 +361,9 @@ std::unique_ptr<Amplifier> bop_gadget(const std::optional<Beat>& beat) {
                                *beat);
 }
 
-Host::Host(Amplifier& amplifier, const std::function<void()>& prepare) : amplifier_(amplifier) {
+Host::Host(Amplifier& amplifier, const std::function<void()>& prepare,
+           const std::vector<std::string>& by)
+    : amplifier_(amplifier) {
   std::string name = "/tmp/host_XXXXXX";
   folder_ = ::mkdtemp(name.data());
   ::chmod(folder_.c_str(), 0777);  // the program may run as the operator
@@ -374,8 +376,13 @@ Host::Host(Amplifier& amplifier, const std::function<void()>& prepare) : amplifi
   ::dup2(log, 1);
   ::dup2(log, 2);
   if (prepare) prepare();
-  execute({kProgram, "run", (folder_ / "held.lua").string(), "--rig",
-           (folder_ / "rig.lua").string(), "--out", (folder_ / "runs").string()});
+  std::vector<std::string> words = by;
+  for (const std::string& word :
+       {std::string(kProgram), std::string("run"), (folder_ / "held.lua").string(),
+        std::string("--rig"), (folder_ / "rig.lua").string(), std::string("--out"),
+        (folder_ / "runs").string()})
+    words.push_back(word);
+  execute(words);
 }
 
 /// The guardian first: without the amplifier, which goes next, it would go on for ten minutes.

@@ -169,8 +169,9 @@ std::unique_ptr<Amplifier> bop_gadget(const std::optional<Beat>& beat = std::nul
 /// The program, holding 1 A (a lamp: level 0.5) for ten minutes.
 class Host {
  public:
-  /// `prepare`: in the new process, before the program.
-  explicit Host(Amplifier& amplifier, const std::function<void()>& prepare = {});
+  /// `prepare`: in the new process, before the program. `by`: words of a program that becomes it.
+  explicit Host(Amplifier& amplifier, const std::function<void()>& prepare = {},
+                const std::vector<std::string>& by = {});
   ~Host();
   Host(const Host&) = delete;
   Host& operator=(const Host&) = delete;

@@ -79,7 +79,7 @@ class Guest:
         began = time.monotonic()
         try:
             self._run()
-        except (OSError, RuntimeError, ValueError) as error:
+        except (OSError, RuntimeError, ValueError, subprocess.SubprocessError) as error:
             self.problem = f"{type(error).__name__}: {error}"
         finally:
             if self.process is not None and self.process.poll() is None:
@@ -107,7 +107,7 @@ class Guest:
         if self.judge:
             self.judge(self)
             return
-        code = self.process.wait(timeout=10)
+        code = self.process.wait(timeout=60)
         if code != 1:  # 2 v + 1 for the verdict v of the cases
             self.problem = f"ended with {code}: " + ("no verdict, the machine stopped" if code == 0 else
                                                      f"the cases' program said {(code - 1) // 2}")
@@ -280,6 +280,7 @@ def make_guest(given):
     for name in ("gadget.py", "usb_device.py"):
         disk.add(HERE / name, f"/opt/vitreo/kernel/{name}")
     disk.add(HERE / "guest_start", "/sbin/start")
+    disk.add(HERE / "guest_cases", "/sbin/cases")
     disk.add(HERE / "systemd-inhibit", "/usr/local/bin/systemd-inhibit")
     disk.add(source / "packaging/60-vitreo.rules", "/etc/udev/rules.d/60-vitreo.rules")
     disk.write()
