@@ -168,16 +168,20 @@ Steady::duration GuardianTest::drawn(double least, double most) {
       std::chrono::duration<double>(std::uniform_real_distribution(least, most)(random)));
 }
 
-std::unique_ptr<Host> GuardianTest::energize(Amplifier& amplifier, const char* script) {
+std::unique_ptr<Host> GuardianTest::try_energize(Amplifier& amplifier, const char* script) {
   std::filesystem::remove(folder / "err");
   std::filesystem::remove_all(folder / "runs");  // each keeps room for its end record
   auto host = std::make_unique<Host>(folder, amplifier.rig(), script);
   bool energized = false;
   time_until(20s,
              [&] { return (energized = amplifier.output() > 0.4) || host->status().has_value(); });
-  if (energized) return host;
-  ADD_FAILURE() << "no current flows: " << log();
-  return nullptr;
+  return energized ? std::move(host) : nullptr;
+}
+
+std::unique_ptr<Host> GuardianTest::energize(Amplifier& amplifier, const char* script) {
+  std::unique_ptr<Host> host = try_energize(amplifier, script);
+  if (host == nullptr) ADD_FAILURE() << "no current flows: " << log();
+  return host;
 }
 
 double GuardianTest::trial(Amplifier& amplifier, int first_signal, const char* script) {

@@ -134,7 +134,9 @@ class GuardianTest : public ::testing::Test {
   bool guardian_says(const std::string& what) const {
     return log().find(what) != std::string::npos;
   }
-  /// A host that holds currents; null after a failure.
+  /// A host that holds currents; null where it ends first.
+  std::unique_ptr<Host> try_energize(Amplifier& amplifier, const char* script);
+  /// The same; null after a failure.
   std::unique_ptr<Host> energize(Amplifier& amplifier, const char* script = kProtocol);
   /// From the signal until the output is at zero, ms; then a while in which it stays there.
   double trial(Amplifier& amplifier, int first_signal, const char* script = kProtocol);

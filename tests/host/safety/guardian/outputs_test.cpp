@@ -96,16 +96,28 @@ const std::vector<Bench>& benches() {
 
 constexpr double kBeatGoal = 100;  // ms
 
-/// ms until it is off, and that it stays so; nothing where it stays on.
 class OutputsTest : public GuardianTest {
  protected:
+  /// On, and for a while. A machine that is busy otherwise may not keep a beat of 50 Hz, which is a
+  /// trip: then once more.
+  std::unique_ptr<Host> holding(Amplifier& amplifier, const BadDay& day) {
+    const bool changing = day.changing && amplifier.rig().rfind("coils", 0) == 0;
+    for (int i = 0; i < 5; ++i) {
+      std::unique_ptr<Host> host = try_energize(amplifier, changing ? kProtocol : kHeld);
+      std::this_thread::sleep_for(drawn(0.1, 0.15));
+      if (host != nullptr && amplifier.output() > 0.4) return host;
+    }
+    return nullptr;
+  }
+  /// ms until it is off, and that it stays so; nothing where it stays on.
   std::optional<double> off_after(const Bench& bench, const BadDay& day) {
     const std::unique_ptr<Amplifier> amplifier = bench.make(folder);
-    const bool changing = day.changing && amplifier->rig().rfind("coils", 0) == 0;
-    const std::unique_ptr<Host> host = energize(*amplifier, changing ? kProtocol : kHeld);
-    if (host == nullptr) return std::nullopt;
+    const std::unique_ptr<Host> host = holding(*amplifier, day);
+    if (host == nullptr) {
+      ADD_FAILURE() << bench.name << ", " << day.name << ": nothing is held: " << log();
+      return std::nullopt;
+    }
     const pid_t guardian = host->guardian();
-    std::this_thread::sleep_for(drawn(0.1, 0.15));
     auto began = Steady::now();
     day.begin(*host, guardian, *amplifier);
     if (day.out && !bench.beats) {
