@@ -47,6 +47,14 @@ struct LampExaminer : Examination<LampExaminer> {
       expect_level(how.level, "after a level that is none");
     }
   }
+  // A question is no command.
+  void answers() {
+    for (const double level : {how.level, 0.}) {
+      lamp.set_level(level);
+      lamp.ask();
+      expect_level(level, "asked at level " + std::to_string(level));
+    }
+  }
   /// Twice, for make_safe() is idempotent.
   void makes_safe() {
     lamp.set_level(how.level);
@@ -65,6 +73,7 @@ std::vector<std::string> check(Lamp& lamp, const LampCheck& how) {
   examiner.duty("describe itself", &LampExaminer::describes_itself);
   examiner.duty("shine", &LampExaminer::shines);
   examiner.duty("refuse what is no level", &LampExaminer::refuses_what_is_no_level);
+  examiner.duty("answer", &LampExaminer::answers);
   examiner.duty("make safe", &LampExaminer::makes_safe);
   return examiner.findings;
 }

@@ -142,18 +142,8 @@ class Motion {
   /// After a lost link: opens it again, where it can be. What was set off is dropped; the halt is
   /// part of configure().
   void be_open() {
-    if (!dialogue_.lost()) return;
-    if (moving_) end(DeviceErrorKind::lost, "the link was lost while it moved");
-    dialogue_.reopen();
-    try {
-      const Identity now = protocol_->configure().identity;
-      if (now.name != info_.identity.name || now.serial != info_.identity.serial)
-        dialogue_.fail(DeviceErrorKind::not_found, "it was a " + to_string(info_.identity) +
-                                                       ", and now there is a " + to_string(now));
-    } catch (...) {
-      dialogue_.abandon();  // half configured is not open
-      throw;
-    }
+    if (dialogue_.lost() && moving_) end(DeviceErrorKind::lost, "the link was lost while it moved");
+    dialogue_.be_open(info_.identity, [this] { return protocol_->configure().identity; });
   }
 
   std::unique_ptr<StageProtocol> protocol_;

@@ -7,6 +7,7 @@
 #include "devices/links/line_history.h"
 #include "devices/links/printable.h"
 #include "devices/time/error.h"
+#include "devices/time/identity.h"
 
 #include <cstddef>
 #include <deque>
@@ -78,6 +79,24 @@ class Dialogue {
   void reopen();
   /// From here on it counts as lost: for an instrument that cannot be used as it is.
   void abandon() { lost_ = true; }
+
+  /// Before an exchange: after a lost link it is opened again and `configure` called, which returns
+  /// the identity of what is there now. Half configured counts as lost, and another instrument than
+  /// `known` is refused.
+  template <class Configure>
+  void be_open(const Identity& known, const Configure& configure) {
+    if (!lost()) return;
+    reopen();
+    try {
+      const Identity now = configure();
+      if (now.name != known.name || now.serial != known.serial)
+        fail(DeviceErrorKind::not_found,
+             "it was a " + to_string(known) + ", and now there is a " + to_string(now));
+    } catch (...) {
+      abandon();
+      throw;
+    }
+  }
 
   Clock& clock() const { return clock_; }
   const std::string& device() const { return device_; }

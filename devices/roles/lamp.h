@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/roles/enable_line.h"
+
 #include <string>
 
 namespace vitreo {
@@ -14,7 +16,12 @@ class Lamp {
   /// DeviceError.
   virtual void set_level(double level) = 0;
   virtual double level() const = 0;  ///< as last set
-  virtual void make_safe() = 0;      ///< dark. Idempotent.
+  /// Whether it is still there: throws DeviceError where it does not answer. Opens nothing.
+  virtual void ask() = 0;
+  virtual void make_safe() = 0;  ///< dark. Idempotent.
+  /// Line of its own for a heartbeat, which it leaves low; null where it has none. Lives as long as
+  /// the lamp.
+  virtual EnableLine* enable_line() { return nullptr; }
 };
 
 }  // namespace vitreo

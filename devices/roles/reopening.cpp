@@ -110,11 +110,12 @@ class Held {
   int times_opened_ = 1;
 };
 
-/// The line of an amplifier that may be gone. A beat opens nothing: only make_safe() does.
+/// The line of a device that may be gone. A beat opens nothing: only make_safe() does.
+template <class Role>
 class ReopeningLine final : public EnableLine {
  public:
-  explicit ReopeningLine(Held<CoilAmplifier>& held) : held_(held) {
-    held_.use(Gone::stays, [this](CoilAmplifier& device) {
+  explicit ReopeningLine(Held<Role>& held) : held_(held) {
+    held_.use(Gone::stays, [this](Role& device) {
       there_ = device.enable_line() != nullptr;
       if (there_) identity_ = device.enable_line()->identity();
     });
@@ -122,17 +123,17 @@ class ReopeningLine final : public EnableLine {
   bool there() const { return there_; }
   std::string identity() const override { return identity_; }
   void set(bool high) override {
-    held_.use(Gone::stays, [high](CoilAmplifier& device) { device.enable_line()->set(high); });
+    held_.use(Gone::stays, [high](Role& device) { device.enable_line()->set(high); });
     high_ = high;
   }
   bool high() const override { return high_; }
   void make_safe() override {
-    held_.use(Gone::comes_back, [](CoilAmplifier& device) { device.enable_line()->make_safe(); });
+    held_.use(Gone::comes_back, [](Role& device) { device.enable_line()->make_safe(); });
     high_ = false;
   }
 
  private:
-  Held<CoilAmplifier>& held_;
+  Held<Role>& held_;
   bool there_ = false;
   std::string identity_;
   bool high_ = false;
@@ -171,7 +172,7 @@ class ReopeningAmplifier final : public CoilAmplifier {
 
  private:
   Held<CoilAmplifier> held_;
-  ReopeningLine line_;
+  ReopeningLine<CoilAmplifier> line_;
   const int channels_;
   const double limit_;
   std::vector<double> last_;  // A, as last set: what a lost one may still hold
@@ -180,7 +181,7 @@ class ReopeningAmplifier final : public CoilAmplifier {
 /// As the amplifier: only make_safe(), or level 0, opens it.
 class ReopeningLamp final : public Lamp {
  public:
-  explicit ReopeningLamp(Held<Lamp> held) : held_(std::move(held)) {}
+  explicit ReopeningLamp(Held<Lamp> held) : held_(std::move(held)), line_(held_) {}
   std::string identity() const override { return held_.identity(); }
   void set_level(double level) override {
     if (level == 0) return make_safe();
@@ -188,13 +189,18 @@ class ReopeningLamp final : public Lamp {
     last_ = level;
   }
   double level() const override { return held_.now() != nullptr ? held_.now()->level() : last_; }
+  void ask() override {
+    held_.use(Gone::stays, [](Lamp& device) { device.ask(); });
+  }
   void make_safe() override {
     held_.use(Gone::comes_back, [](Lamp& device) { device.make_safe(); });
     last_ = 0;
   }
+  EnableLine* enable_line() override { return line_.there() ? &line_ : nullptr; }
 
  private:
   Held<Lamp> held_;
+  ReopeningLine<Lamp> line_;
   double last_ = 0;
 };
 

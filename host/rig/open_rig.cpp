@@ -8,6 +8,7 @@
 #include "host/rig/rig_settings.h"
 #include "host/rig/sample.h"
 #include "host/safety/guardian.h"
+#include "host/safety/watched_lamp.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -236,10 +237,13 @@ class ComposedRig final : public OpenRig {
 
   void open_lamp(const RigSettings& settings, const RigContext& where) {
     lamp_ = settings.lamp(where);
-    rig_.lamp = lamp_.device.get();
-    if (!guardian_) return;
-    guarded_lamp_ = guarded(*lamp_.device, *guardian_);
-    rig_.lamp = guarded_lamp_.get();
+    if (guardian_) guarded_lamp_ = guarded(*lamp_.device, *guardian_);
+    watched_lamp_ = std::make_unique<WatchedLamp>(guarded_lamp_ ? *guarded_lamp_ : *lamp_.device,
+                                                  clock_, [this](const std::string& why) {
+                                                    if (on_unguarded_) on_unguarded_(why);
+                                                  });
+    if (settings.lamp_heartbeat) watched_lamp_->beat(*settings.lamp_heartbeat);
+    rig_.lamp = watched_lamp_.get();
   }
 
   // A current or a light that is held must not go on unguarded; no set-point may come for long, so
@@ -270,6 +274,7 @@ class ComposedRig final : public OpenRig {
   std::unique_ptr<Guardian> guardian_;
   Opened<Lamp> lamp_;
   std::unique_ptr<Lamp> guarded_lamp_;
+  std::unique_ptr<WatchedLamp> watched_lamp_;
   Opened<CoilAmplifier> coils_;
   std::unique_ptr<CoilAmplifier> guarded_;
   Opened<EnableLine> enable_line_;

@@ -176,8 +176,8 @@ void read_guardian(ConfigReader& reader, RigSettings& settings) {
   settings.guarded.push_back(output);
 }
 
-/// The same of both lines that there can be: `heartbeat`, `one_shot`, `pick_up`.
-void read_heartbeat(ConfigReader& reader, RigSettings& settings) {
+/// The same of all lines that there can be: `heartbeat`, `one_shot`, `pick_up`.
+HeartbeatSettings read_heartbeat(ConfigReader& reader) {
   HeartbeatSettings beat;
   beat.rate = reader.number("heartbeat", beat.rate, {10, 100, "Hz"});
   beat.one_shot = reader.number("one_shot", beat.one_shot, {1e-3, 1, "s"});
@@ -187,17 +187,24 @@ void read_heartbeat(ConfigReader& reader, RigSettings& settings) {
   } catch (const std::invalid_argument& problem) {
     reader.fail("one_shot", problem.what());
   }
-  settings.heartbeat = beat;
-  settings.laboratory.world.coils.one_shot = beat.one_shot;
+  return beat;
+}
+
+void read_coils_heartbeat(ConfigReader& reader, RigSettings& settings) {
+  settings.heartbeat = read_heartbeat(reader);
+  settings.laboratory.world.coils.one_shot = settings.heartbeat->one_shot;
+}
+
+void want_line(ConfigReader& reader, const char* which) {
+  if (reader.has("enable_line")) return;
+  reader.fail("heartbeat", std::string("wants the line that it toggles: ") + which);
 }
 
 /// A static `enable_line` holds its level when the host is gone; with `heartbeat` it is toggled.
 void read_own_line(ConfigReader& reader, RigSettings& settings) {
   if (!reader.has("heartbeat")) return;
-  if (!reader.has("enable_line"))
-    reader.fail("heartbeat",
-                "wants the line that it toggles: enable_line, or the role enable_line");
-  read_heartbeat(reader, settings);
+  want_line(reader, "enable_line, or the role enable_line");
+  read_coils_heartbeat(reader, settings);
   settings.laboratory.enable_line = reader.integer("enable_line", 0, 0, 7);
 }
 
@@ -253,7 +260,7 @@ void read_enable_line(ConfigReader reader, RigSettings& settings) {
   if (!settings.coils) reader.fail("driver", "is of use only with the role coils");
   if (settings.heartbeat)
     reader.fail("driver", "is a second line: coils.heartbeat toggles one already");
-  read_heartbeat(reader, settings);
+  read_coils_heartbeat(reader, settings);
   reader.finish();
 }
 
@@ -296,6 +303,10 @@ void read_stage(ConfigReader reader, RigSettings& settings) {
 void read_lamp(ConfigReader reader, RigSettings& settings) {
   settings.lamp = read_instrument<Lamp>(reader, "lamp", settings.laboratory, settings.links);
   settings.lamp_level = reader.number("level", settings.lamp_level, {0, 1, ""});
+  if (reader.has("heartbeat")) {
+    want_line(reader, "enable_line");
+    settings.lamp_heartbeat = read_heartbeat(reader);
+  }
   read_guardian(reader, settings);
   reader.finish();
 }

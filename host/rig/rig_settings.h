@@ -58,8 +58,9 @@ struct RigSettings {
   Opener<RotationStage> rotation_stage;
   Opener<FieldProbe> field_probe;
   Opener<Lamp> lamp;
-  double lamp_level = 0;  // from the begin of a run on
-  std::vector<FreeRoleSettings> free_roles;  // sorted by name
+  double lamp_level = 0;                            // from the begin of a run on
+  std::optional<HeartbeatSettings> lamp_heartbeat;  // of its own line
+  std::vector<FreeRoleSettings> free_roles;         // sorted by name
   std::uint32_t dead_man_pedals =
       0;                  // a bit a pedal that must be held while the coils are energized; 0: none
   bool guardian = false;  // a process that watches the host

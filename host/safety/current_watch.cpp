@@ -3,10 +3,18 @@
 
 #include "devices/time/error.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
 namespace vitreo {
+namespace {
+
+/// From the begin of a measurement that contradicts to that of the one which decides: a step whose
+/// set-point is not noted yet is over by then.
+constexpr Time kDecide = std::chrono::milliseconds(20);
+
+}  // namespace
 
 void CurrentWatchSettings::check() const {
   if (!(tolerance > 0)) throw std::invalid_argument("tolerance must be above zero");
@@ -41,7 +49,7 @@ void CurrentWatch::run() {
     clock_.wait(changed_, energized_, kForever);
     const Time began = clock_.now();
     look();
-    clock_.sleep_until(later(began, period_));
+    clock_.sleep_until(later(began, read_back_.doubted() ? std::min(period_, kDecide) : period_));
   }
 }
 

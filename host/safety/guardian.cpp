@@ -94,6 +94,8 @@ class GuardedLamp final : public Lamp {
   GuardedLamp(Lamp& lamp, Guardian& guardian) : lamp_(lamp), guardian_(guardian) {}
   std::string identity() const override { return lamp_.identity(); }
   double level() const override { return lamp_.level(); }
+  void ask() override { lamp_.ask(); }
+  EnableLine* enable_line() override { return lamp_.enable_line(); }
   void set_level(double level) override {
     if (level != 0) guardian_.arm("lamp");
     lamp_.set_level(level);

@@ -24,6 +24,8 @@ class ReadBack {
   std::string judge(Time at, std::span<const double> measured);
   /// The same of a sensor that measures these coils, counted from 0.
   std::string judge(Time at, std::span<const double> measured, std::span<const int> coils);
+  /// Whether the last reading contradicted, so that the next one decides.
+  bool doubted() const { return contradicted_ > 0; }
 
  private:
   std::string contradiction(std::span<const double> measured, std::span<const int> coils) const;

@@ -11,6 +11,10 @@ Sources, named by their letters at the lines below:
         heard for longer, the connection is shut down
   F     the project's fact sheet on cameras (Aravis 0.8 and V4L2)
   SFNC  the GenICam naming convention, from memory: what a feature means
+  CT    the same, 24.31 ChunkTimestamp, as public headers and manuals quote it: "the Timestamp of the image included in
+        the payload at the time of the FrameStart internal event"; without a unit
+  BA    Basler, user's manuals of pioneer (14.4) and ace GigE (11.4): the time stamp chunk counts ticks of the Gev
+        Timestamp Tick Frequency
 SPDX-License-Identifier: Apache-2.0
 """
 
@@ -44,7 +48,7 @@ class Frame:
     def __init__(self, start, exposure, cause):
         self.start, self.exposure, self.cause = start, exposure, cause
         self.end = start + exposure
-        self.block = self.ticks = self.lines = 0
+        self.block = self.ticks = self.start_ticks = self.lines = 0
         self.leader = self.payload = self.trailer = b""
         self.packet_size = 0
 
@@ -848,6 +852,7 @@ class GigeCamera(Double):
         read_out = now + frame.view.height * self.line_time
         stamped = {"start": frame.start, "end": frame.end, "readout": read_out}[self.stamp_at]
         frame.ticks = self.clock_ticks(stamped) if self.frequency() else 0
+        frame.start_ticks = self.clock_ticks(frame.start) if self.frequency() else 0
         self._block = self._next_block()
         frame.block = self._block
         lost = self._frame_lost()
@@ -992,7 +997,8 @@ class GigeCamera(Double):
         """The picture as the first chunk, then the others. no source: the picture's chunk is filled up to four bytes"""
         names = self._chunks()
         values = {
-            "Timestamp": struct.pack(">Q", frame.ticks), "ExposureTime": struct.pack(">d", frame.exposure * 1e6),
+            # CT: of the frame's start, whatever the leader's stamp is of; BA: in ticks
+            "Timestamp": struct.pack(">Q", frame.start_ticks), "ExposureTime": struct.pack(">d", frame.exposure * 1e6),
             "FrameID": struct.pack(">Q", frame.block), "Gain": struct.pack(">d", frame.gain),
             "LineStatusAll": struct.pack(">I", frame.lines),
         }

@@ -10,15 +10,13 @@ SPDX-License-Identifier: Apache-2.0
 
 import argparse
 import json
-import os
 import re
 import select
-import signal
 import socket
-import sys
 import time
 
 from double import Refused
+from ends import OrderInput, book, serving
 from gige_camera import GigeCamera
 import gige_wire as wire
 from serve import Orders, earliest
@@ -227,23 +225,15 @@ def loop(bench, network, orders, seconds):
     def clock():
         return (time.monotonic_ns() - bench.origin_ns) / NS
 
-    pending, open_input = b"", True
+    given = OrderInput(seconds)
     while seconds is None or clock() < seconds:
         wait = earliest(bench.next(), seconds)
         timeout = None if wait is None else max(0.0, wait - clock())
-        ready, _, _ = select.select(network.sockets() + ([0] if open_input else []), [], [], timeout)
+        ready, _, _ = select.select(network.sockets() + given.readable(), [], [], timeout)
         if 0 in ready:
             ready.remove(0)
-            data = os.read(0, 65536)
-            if not data:
-                open_input = False
-                if seconds is None:
-                    return
-            pending += data
-            *lines, pending = pending.split(b"\n")
-            for line in lines:
-                if line.strip():
-                    print(json.dumps(orders.obey(line, clock())), flush=True)
+            if not given.take(lambda line: orders.obey(line, clock())):
+                return
         network.take(ready, clock)
         bench.advance(clock())
         network.give(clock)
@@ -273,12 +263,7 @@ def main():
     parser.add_argument("--seconds", type=float)
     parser.add_argument("--log", metavar="FILE")
     given = parser.parse_args()
-    book = open(given.log, "w", encoding="utf-8") if given.log else None
-
-    def log(when, side, data):
-        if book:
-            print(json.dumps([round(when, 6), side, bytes(data[:64]).hex(" ")]), file=book, flush=True)
-
+    log = book(given.log, lambda data: bytes(data[:64]).hex(" "))
     try:
         cameras = [make(each, given.option) for each in given.camera or ["127.0.0.1"]]
         bench = Bench(cameras, time.monotonic_ns())
@@ -288,12 +273,9 @@ def main():
     except Refused as error:
         parser.error(str(error))
     bench.clock = Clock(given.clock, 0.0)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    print(" ".join(each.address for each in cameras), flush=True)
-    try:
+    with serving(None):
+        print(" ".join(each.address for each in cameras), flush=True)
         loop(bench, network, BenchOrders(bench), given.seconds)
-    except KeyboardInterrupt:
-        pass
 
 
 if __name__ == "__main__":

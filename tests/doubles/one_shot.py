@@ -18,29 +18,41 @@ def width(ohm, farad, k=0.45):
 class OneShot:
     """Input B with A low and the reset high (NX function table): a rising edge begins a pulse, or prolongs the one that
     is there, to `width` seconds after the last edge (NX section 1, NS). A level does nothing, high or low. Low at
-    power-up (TI)."""
+    power-up (TI). Behind it the relay: its contact closes when the pulse has been there for `operate` seconds, so that
+    with an on-delay longer than the pulse one edge alone closes nothing, and opens `release` seconds after the pulse."""
 
-    def __init__(self, seconds, release=0.0):
-        self.width = seconds
-        self.release = release  # s, in which the contact of the relay opens after the pulse
-        self.level = False
-        self.until = None  # the end of the pulse; None: no pulse
+    def __init__(self, seconds, release=0.0, operate=0.0):
+        self.width, self.release, self.operate = seconds, release, operate
+        self.level = self.closed = False
+        self.began = self.until = None  # of the pulse; None: no pulse
 
     def input(self, level, now):
-        """The line at B."""
+        """The line at B; returns as advance()."""
+        changes = self.advance(now)
         if level and not self.level:
+            if self.until is None or self.until <= now:
+                self.began = now
             self.until = now + self.width
         self.level = level
+        return changes + self.advance(now)
 
     @property
-    def opens(self):
-        """When the contact opens if no edge comes before; None where it is open."""
-        return None if self.until is None else self.until + self.release
+    def next(self):
+        """When the contact moves if no edge comes before; None: not by itself."""
+        if self.closed:
+            return self.until + self.release
+        return None if self.until is None else min(self.began + self.operate, self.until)
 
     def advance(self, now):
-        """Returns the time at which the contact opened, once, or None."""
-        opened = self.opens
-        if opened is None or now < opened:
-            return None
-        self.until = None
-        return opened
+        """What the contact has done by now: [(time, closed)]."""
+        changes = []
+        while (due := self.next) is not None and due <= now:
+            if self.closed:
+                self.closed, self.until = False, None
+                changes.append((due, False))
+            elif self.began + self.operate < self.until:
+                self.closed = True
+                changes.append((due, True))
+            else:
+                self.until = None  # too short for the relay
+        return changes

@@ -17,7 +17,6 @@ import os
 import pathlib
 import pty
 import select
-import signal
 import socket
 import struct
 import sys
@@ -27,6 +26,7 @@ import tty
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 
 from double import TIMED_OUT, ByteDouble, HidDouble, Refused, RegisterDouble, UsbDouble, plain  # noqa: E402
+from ends import OrderInput, book, serving  # noqa: E402
 from usbtmc import UsbtmcDouble, UsbtmcLine  # noqa: E402
 
 
@@ -541,29 +541,25 @@ class Orders:
 def loop(server, orders, link, seconds):
     """Serves until the time is over or standard input ends."""
     start = time.monotonic()
-    pending, open_input = b"", True
+    given = OrderInput(seconds)
     while True:
         now = time.monotonic() - start
         if seconds is not None and now >= seconds:
             return
         wait = earliest(server.next(), seconds)
-        waiting = link.readable() + ([0] if open_input else [])
+        waiting = link.readable() + given.readable()
         # An instrument that changes all the time is looked at every millisecond.
         timeout = None if wait is None else max(0.0, min(wait - now, 3600.0))
         ready, _, _ = select.select(waiting, [], [], timeout)
         now = time.monotonic() - start
-        if 0 in ready:
-            data = os.read(0, 65536)
-            if not data:
-                open_input = False
-                if seconds is None:
-                    return
-            pending += data
-            *lines, pending = pending.split(b"\n")
-            for line in lines:
-                if line.strip():
-                    print(json.dumps(orders.obey(line, now)), flush=True)
+        if 0 in ready and not given.take(lambda line: orders.obey(line, now)):
+            return
         server.step(now, [each for each in ready if each != 0 and each in link.readable()])
+
+
+def shown(data):
+    """The first bytes, and how many there are."""
+    return data[:256].hex(" ") + (f" ... {len(data)} bytes" if len(data) > 256 else "")
 
 
 def main():
@@ -591,13 +587,7 @@ def main():
     bytewise = isinstance(double, ByteDouble) or (isinstance(double, UsbtmcDouble) and not given.socket)
     if bytewise == bool(given.socket):
         parser.error(f"{given.instrument} is served " + ("on --pty, --tcp, --udp or --fifo" if given.socket else "on --socket"))
-    book = open(given.log, "w", encoding="utf-8") if given.log else None
-
-    def log(when, side, data):
-        if book:
-            text = data[:256].hex(" ") + (f" ... {len(data)} bytes" if len(data) > 256 else "")
-            print(json.dumps([round(when, 6), side, text]), file=book, flush=True)
-
+    log = book(given.log, shown)
     if given.uinput and not hasattr(double, "capabilities"):
         parser.error(f"{given.instrument} is no input device")
     if given.uinput:
@@ -620,14 +610,9 @@ def main():
         server = ByteServer(line, link, given.baud, log)
     else:
         server = FrameServer(double, link, log)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    print(link.name(), flush=True)
-    try:
+    with serving(link):
+        print(link.name(), flush=True)
         loop(server, Orders(double, link), link, given.seconds)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        link.unplug()
 
 
 if __name__ == "__main__":

@@ -155,16 +155,34 @@ class OneShotTest(unittest.TestCase):
         for k in range(10):
             shot.input(True, 0.02 * k)
             shot.input(False, 0.02 * k + 0.01)
-            self.assertIsNone(shot.advance(0.02 * k + 0.019))
-        self.assertAlmostEqual(shot.advance(1.0), 0.18 + 0.05)
-        self.assertIsNone(shot.advance(2.0))
+            self.assertEqual(shot.advance(0.02 * k + 0.019), [])
+            self.assertTrue(shot.closed)
+        ((opened, closed),) = shot.advance(1.0)
+        self.assertAlmostEqual(opened, 0.18 + 0.05)
+        self.assertFalse(closed)
+        self.assertEqual(shot.advance(2.0), [])
 
     def test_a_level_that_is_held_holds_nothing(self):
         for level in (True, False):
             shot = OneShot(0.05)
             shot.input(True, 0.0)
             shot.input(level, 0.01)
-            self.assertAlmostEqual(shot.advance(10.0), 0.05)
+            self.assertEqual(shot.advance(10.0), [(0.05, False)])
+
+    def test_edges_that_come_before_the_relay_has_closed_close_it(self):
+        shot = OneShot(0.05, release=0.01, operate=0.06)
+        self.assertEqual(shot.input(True, 0.0), [])
+        shot.input(False, 0.01)
+        self.assertEqual(shot.input(True, 0.04), [])
+        self.assertEqual(shot.advance(0.07), [(0.06, True)])
+        ((opened, _),) = shot.advance(1.0)
+        self.assertAlmostEqual(opened, 0.04 + 0.05 + 0.01)
+
+    def test_one_edge_closes_no_relay_that_is_slower_than_the_pulse(self):
+        shot = OneShot(0.05, release=0.01, operate=0.06)
+        shot.input(True, 0.0)
+        self.assertEqual(shot.advance(1.0), [])
+        self.assertIsNone(shot.next)
 
 
 class HeartbeatTest(unittest.TestCase):

@@ -47,10 +47,11 @@ class Usb3103(HidDouble):
         "master_at_start": True,  # no source
         "re_enumeration": 1.0,  # no source: seconds away after RESET
         # What the laboratory has wired, not the device: a one-shot on a digital line, seconds of its pulse (0: none,
-        # the amplifiers are always on), and seconds in which the relay behind it opens.
+        # the amplifiers are always on), and seconds in which the relay behind it opens, and closes.
         "one_shot": 0.0,
         "one_shot_line": 0,
         "relay_release": 0.0,
+        "relay_operate": 0.0,
     }
     STATE = (
         "ranges", "counts", "latched", "volts", "milliamperes", "port_inputs", "port_latch", "port_pins", "port_wires",
@@ -71,15 +72,14 @@ class Usb3103(HidDouble):
         return max(map(abs, self.volts), default=0.0) if self.amplifiers else 0.0
 
     def advance(self, now):
-        """A relay opens by itself."""
+        """A relay moves by itself."""
         super().advance(now)
-        opened = None if self._shot is None else self._shot.advance(now)
-        if opened is not None:
-            self.put(opened, amplifiers=False)
+        for at, closed in [] if self._shot is None else self._shot.advance(now):
+            self.put(at, amplifiers=closed)
 
     def next_event(self):
-        """When the relay opens."""
-        return None if self._shot is None else self._shot.opens
+        """When the relay moves."""
+        return None if self._shot is None else self._shot.next
 
     def _drive_one_shot(self, now):
         if self._shot is None:
@@ -88,8 +88,8 @@ class Usb3103(HidDouble):
         high = bool(self.port_latch & ~self.port_inputs & 1 << self.one_shot_line)
         if high and not self._shot.level:
             self.edges += 1
-        self._shot.input(high, now)
-        self.put(now, amplifiers=self._shot.opens is not None)
+        for at, closed in self._shot.input(high, now):
+            self.put(at, amplifiers=closed)
 
     @property
     def channels(self):
@@ -99,7 +99,7 @@ class Usb3103(HidDouble):
     def start(self, now):
         """Power-up. no source but the fact sheet's question mark: 0 V in the 0..10 V range, port as inputs."""
         self._away = 0.0
-        self._shot = OneShot(self.one_shot, self.relay_release) if self.one_shot > 0 else None
+        self._shot = OneShot(self.one_shot, self.relay_release, self.relay_operate) if self.one_shot > 0 else None
         self.put(now, amplifiers=self._shot is None)
         if not hasattr(self, "eeprom"):
             self.eeprom, self.flash = bytes(256), self._factory()

@@ -1,9 +1,9 @@
 """An instrument's end of a real node of this machine's kernel, with a double of tests/doubles behind it.
 
-  gadget.py hid|uhid|acm INSTRUMENT [--option k=v ...] [--numbered] [--udc dummy_udc.0] [--size N]
+  gadget.py hid|uhid|acm|usbip INSTRUMENT [--option k=v ...] [--numbered] [--udc dummy_udc.0] [--size N]
 
 hid and acm are USB gadgets on the dummy controller (/dev/hidg0 <-> /dev/hidraw0, /dev/ttyGS0 <-> /dev/ttyACM0), uhid is
-a HID device without a bus. Prints "ready", then answers each JSON order on standard input with one line: those of
+a HID device without a bus, usbip any USB device behind the kernel's virtual controller (vhci_hcd). Prints "ready", then answers each JSON order on standard input with one line: those of
 tests/doubles/README.md, and three more:
 
   {"raw": "00 02"}      an input report as it is
@@ -16,6 +16,7 @@ import argparse
 import errno
 import os
 import pathlib
+import socket
 import struct
 import sys
 import termios
@@ -25,6 +26,7 @@ import tty
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "doubles"))
 
 import serve  # noqa: E402
+from usb_device import UsbDevice  # noqa: E402
 
 GADGETS = pathlib.Path("/sys/kernel/config/usb_gadget")
 # Reports of a USB-3103 by their ids, bytes behind the id: the fact sheet's table, a command without data gets one byte,
@@ -213,10 +215,13 @@ class AcmGadget:
         """Binds to the controller."""
         if self.node is None:
             (self.folder / "UDC").write_text(self.udc)
-            self.node = os.open(wait_for("/dev/ttyGS0"), os.O_RDWR | os.O_NONBLOCK | os.O_NOCTTY)
-            tty.setraw(self.node)  # with echo the two ends would talk for ever
-            termios.tcflush(self.node, termios.TCIOFLUSH)
+            self._open()
         return "ttyACM0"
+
+    def _open(self):
+        self.node = os.open(wait_for("/dev/ttyGS0"), os.O_RDWR | os.O_NONBLOCK | os.O_NOCTTY)
+        tty.setraw(self.node)  # with echo the two ends would talk for ever
+        termios.tcflush(self.node, termios.TCIOFLUSH)
 
     def unplug(self):
         """The cable is out."""
@@ -234,11 +239,17 @@ class AcmGadget:
         return [] if self.node is None else [self.node]
 
     def read(self, node):
-        """Bytes of the host."""
+        """Bytes of the host. A reset by the host hangs this end up: it is opened anew."""
         try:
-            return os.read(node, 65536)
-        except OSError:
+            data = os.read(node, 65536)
+        except BlockingIOError:
             return b""
+        except OSError:
+            data = b""
+        if not data and node == self.node:
+            os.close(self.node)
+            self._open()
+        return data
 
     def write(self, data):
         """Bytes to the host; lost without one."""
@@ -247,6 +258,91 @@ class AcmGadget:
                 os.write(self.node, data)
         except OSError:
             pass
+
+
+class UsbIp:
+    """A device behind vhci_hcd, by the messages of Linux' Documentation/usb/usbip_protocol.rst on a socket of this process."""
+
+    SUBMIT, UNLINK, SUBMITTED, UNLINKED = 1, 2, 3, 4
+    CONTROLLER = pathlib.Path("/sys/devices/platform/vhci_hcd.0")
+    FULL_SPEED = 2
+
+    def __init__(self, double, given):
+        self.double, self.device, self.lost = double, UsbDevice(double), 0
+        self.port = given.port
+        self.socket, self.buffer = None, b""
+        self.asked = []  # transfers to the host that wait for data: (number, bytes)
+        self.plug()
+
+    def plug(self):
+        """Attaches one end of a socket to the controller."""
+        if self.socket is None:
+            self.socket, far = socket.socketpair()
+            self.buffer, self.asked = b"", []
+            (self.CONTROLLER / "attach").write_text(f"{self.port} {far.fileno()} {self.port + 2} {self.FULL_SPEED}\n")
+            far.close()  # the kernel has it
+        return "usbip"
+
+    def unplug(self):
+        """The cable is out."""
+        if self.socket is not None:
+            self.socket.close()
+            self.socket = None
+
+    def readable(self):
+        """Descriptors to wait for."""
+        return [] if self.socket is None else [self.socket.fileno()]
+
+    def step(self, now, readable):
+        """Takes what has come; answers what can be answered."""
+        if readable and self.socket is not None:
+            data = self.socket.recv(65536)
+            if not data:  # the controller has let go
+                self.unplug()
+                return
+            self.buffer += data
+        while len(self.buffer) >= 48:
+            kind, number, _, towards_host, end = struct.unpack_from(">5I", self.buffer)
+            size = struct.unpack_from(">I", self.buffer, 0x18)[0] if kind == self.SUBMIT and not towards_host else 0
+            if len(self.buffer) < 48 + size:
+                break
+            head, body, self.buffer = self.buffer[:48], self.buffer[48:48 + size], self.buffer[48 + size:]
+            if kind == self.UNLINK:
+                self._unlink(number, struct.unpack_from(">I", head, 0x14)[0])
+            elif end == 0:
+                self._control(number, head, body, now)
+            elif towards_host:
+                self.asked.append((number, struct.unpack_from(">I", head, 0x18)[0]))
+            else:
+                self.double.bulk_out(body, now)
+                self._answer(number, 0, size)
+        self.double.advance(now)
+        while self.asked and (data := self.double.bulk_in(self.asked[0][1], now)) is not None:
+            self._answer(self.asked.pop(0)[0], 0, len(data), data)
+
+    def _control(self, number, head, body, now):
+        kind, request, value, index, length = struct.unpack_from("<BBHHH", head, 0x28)
+        result, data = self.device.transfer(kind, request, value, index, length, body, now)
+        self._answer(number, min(result, 0), max(result, 0), data)
+
+    def _unlink(self, number, which):
+        waiting = [each for each in self.asked if each[0] == which]
+        self.asked = [each for each in self.asked if each[0] != which]
+        self._send(struct.pack(">5Ii24x", self.UNLINKED, number, 0, 0, 0, -errno.ECONNRESET if waiting else 0))
+
+    def _answer(self, number, status, moved, data=b""):
+        self._send(struct.pack(">5IiIIII8x", self.SUBMITTED, number, 0, 0, 0, status, moved, 0, 0xFFFFFFFF, 0) + data)
+
+    def _send(self, message):
+        try:
+            if self.socket is not None:
+                self.socket.sendall(message)
+        except OSError:
+            self.unplug()
+
+    def next(self):
+        """An adapter that nothing waits for makes no packets."""
+        return self.double.next() if self.asked else self.double.next_event()
 
 
 def make_gadget(folder, vendor, product, serial):
@@ -288,11 +384,12 @@ class Orders(serve.Orders):
 def main():
     """Reads the arguments and serves."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("kind", choices=("hid", "uhid", "acm"))
+    parser.add_argument("kind", choices=("hid", "uhid", "acm", "usbip"))
     parser.add_argument("instrument")
     parser.add_argument("--option", action="append", default=[], metavar="K=V")
     parser.add_argument("--numbered", action="store_true", help="reports have ids in the descriptor")
     parser.add_argument("--udc", default="dummy_udc.0")
+    parser.add_argument("--port", type=int, default=0, help="of the virtual controller")
     parser.add_argument("--usb-id", default="1d6b:0104", help="of an acm gadget")
     parser.add_argument("--size", type=int, default=64, help="bytes of a report without an id")
     given = parser.parse_args()
@@ -300,6 +397,8 @@ def main():
     if given.kind == "acm":
         link = AcmGadget(double, given)
         server = serve.ByteServer(double, link, 0, lambda *_: None)
+    elif given.kind == "usbip":
+        link = server = UsbIp(double, given)
     else:
         link = (HidGadget if given.kind == "hid" else UserHid)(double, given)
         server = HidServer(double, link)

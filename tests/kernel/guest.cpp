@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/kernel/guest.h"
 
+#include "tests/host/safety/held_protocol.h"
+
 #include <algorithm>
 #include <cmath>
 #include <csignal>
@@ -18,6 +20,7 @@
 #include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
+#include <utility>
 
 namespace vitreo::kernel_guest {
 namespace {
@@ -96,31 +99,20 @@ Ended wait_for(std::pair<pid_t, int> started) {
   return ended;
 }
 
-constexpr const char* kHeld = R"(
-return { title = "A current or a light that is held", needs = {}, parameters = {},
-  run = function(rig, p, run)
-    if rig.lamp then rig.lamp:set_level(0.5) end
-    if rig.coils then
-      local currents = {}
-      for i = 1, #rig.coils:currents() do currents[i] = 1 end
-      rig.coils:set_currents(currents)
-    end
-    run:wait(600)
-  end }
-)";
+/// One that has no one-shot closes nothing, and opens nothing.
+void set_one_shot(Instrument& device, const Beat& beat) {
+  device.order({{"set",
+                 {{"one_shot", beat.one_shot},
+                  {"relay_release", beat.release},
+                  {"relay_operate", beat.operate}}}});
+  device.order({{"power_cycle", true}});  // it takes its one-shot with its power
+}
 
-class Bop : public Amplifier {
- public:
-  std::string rig() const override {
-    return R"(coils = { driver = "kepco_bop", address = "serial:/dev/ttyACM0", max_slope = 1000 })";
-  }
-  double output() override { return std::abs(gadget_.state("current").get<double>()); }
-  Instrument& instrument() override { return gadget_; }
-  std::string node() const override { return "/dev/ttyACM0"; }
-
- private:
-  Gadget gadget_{{"acm", "kepco_bop"}};
-};
+std::string beat_settings(const Beat& beat) {
+  return ", heartbeat = " + std::to_string(beat.rate) +
+         ", one_shot = " + std::to_string(beat.one_shot) +
+         ", pick_up = " + std::to_string(beat.operate + 0.05);
+}
 
 }  // namespace
 
@@ -186,6 +178,8 @@ void load_gadgets() {
 }
 
 void start_udevd() {
+  static bool there = false;
+  if (std::exchange(there, true)) return;
   fs::create_symlink("/bin/udevadm", "/tmp/bin/systemd-udevd");
   for (const std::vector<std::string>& words :
        {std::vector<std::string>{"/tmp/bin/systemd-udevd", "--daemon"},
@@ -281,31 +275,73 @@ std::string Outside::exchange(const std::string& order) {
   return read_line(port(), read);
 }
 
-// The double takes its one-shot with its power.
+double Amplifier::output() {
+  const nlohmann::json state = line().order({{"get", "state"}});
+  return state.value("amplifiers", true) ? level() : 0;
+}
+
 Voltages::Voltages(std::unique_ptr<Instrument> device, std::string role,
                    const std::optional<Beat>& beat)
     : device_(std::move(device)), role_(std::move(role)), beat_(beat) {
-  if (!beat_) return;
-  device_->order({{"set", {{"one_shot", beat_->one_shot}, {"relay_release", beat_->release}}}});
-  device_->order({{"power_cycle", true}});
+  if (beat_) set_one_shot(*device_, *beat_);
 }
 
 std::string Voltages::rig() const {
   const std::string driver = role_ == "lamp" ? "led" : "usb3103";
-  const std::string beat = beat_ ? ", heartbeat = " + std::to_string(beat_->rate) +
-                                       ", one_shot = " + std::to_string(beat_->one_shot)
-                                 : "";
   return role_ + " = { driver = \"" + driver + "\", address = \"hid:09db:009c\", enable_line = 0" +
-         beat + " }";
+         (beat_ ? beat_settings(*beat_) : "") + " }";
 }
 
-// Of a one-shot that is not there the amplifiers are always on.
-double Voltages::output() { return device_->state("driven").get<double>(); }
+double Voltages::level() {
+  double most = 0;
+  for (const nlohmann::json& one : device_->state("volts"))
+    most = std::max(most, std::abs(one.get<double>()));
+  return most;
+}
+
+Bop::Bop(std::unique_ptr<Instrument> supply, std::string node)
+    : supply_(std::move(supply)), node_(std::move(node)) {}
+
+Bop::Bop(std::unique_ptr<Instrument> supply, std::string node, std::unique_ptr<Instrument> adapter,
+         std::string adapter_node, const Beat& beat)
+    : supply_(std::move(supply)),
+      adapter_(std::move(adapter)),
+      node_(std::move(node)),
+      adapter_node_(std::move(adapter_node)),
+      beat_(beat) {
+  set_one_shot(*adapter_, beat_);
+}
+
+std::string Bop::rig() const {
+  std::string table =
+      "coils = { driver = \"kepco_bop\", address = \"serial:" + node_ + "\", max_slope = 1000 }";
+  if (adapter_)
+    table += ", enable_line = { driver = \"serial_line\", address = \"serial:" + adapter_node_ +
+             "\", line = \"rts\"" + beat_settings(beat_) + " }";
+  return table;
+}
+
+double Bop::level() { return std::abs(supply_->state("current").get<double>()); }
 
 void wait_for_node(const fs::path& node) {
   if (!time_until(5s, [&] { return fs::exists(node); }))
     throw std::runtime_error(node.string() + " has not come within 5 s");
   run({"chmod", "0666", node});
+}
+
+std::string adapter_node(const std::string& serial) {
+  start_udevd();
+  fs::path found;
+  time_until(20s, [&] {
+    std::error_code error;
+    for (const auto& port : fs::directory_iterator("/dev/serial/by-id", error))
+      if (port.path().filename().string().find("_" + serial + "-") != std::string::npos)
+        found = port.path();
+    return !found.empty() && fs::exists(found);
+  });
+  if (found.empty()) throw std::runtime_error("no adapter " + serial + " within 20 s");
+  run({"udevadm", "settle", "--timeout=20"});
+  return found;
 }
 
 std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role,
@@ -315,13 +351,19 @@ std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role,
   return std::make_unique<Voltages>(std::move(device), role, beat);
 }
 
-std::unique_ptr<Amplifier> bop_gadget() {
-  auto device = std::make_unique<Bop>();
-  wait_for_node(device->node());
-  return device;
+std::unique_ptr<Amplifier> bop_gadget(const std::optional<Beat>& beat) {
+  auto supply = std::make_unique<Gadget>(std::vector<std::string>{"acm", "kepco_bop"});
+  const std::string node = adapter_node("A1B2C3");
+  if (!beat) return std::make_unique<Bop>(std::move(supply), node);
+  auto adapter = std::make_unique<Gadget>(
+      std::vector<std::string>{"usbip", "ftdi_adapter", "--option", "serial=LINE"});
+  return std::make_unique<Bop>(std::move(supply), node, std::move(adapter), adapter_node("LINE"),
+                               *beat);
 }
 
-Host::Host(Amplifier& amplifier, const std::function<void()>& prepare) : amplifier_(amplifier) {
+Host::Host(Amplifier& amplifier, const std::function<void()>& prepare,
+           const std::vector<std::string>& by)
+    : amplifier_(amplifier) {
   std::string name = "/tmp/host_XXXXXX";
   folder_ = ::mkdtemp(name.data());
   ::chmod(folder_.c_str(), 0777);  // the program may run as the operator
@@ -334,8 +376,13 @@ Host::Host(Amplifier& amplifier, const std::function<void()>& prepare) : amplifi
   ::dup2(log, 1);
   ::dup2(log, 2);
   if (prepare) prepare();
-  execute({kProgram, "run", (folder_ / "held.lua").string(), "--rig",
-           (folder_ / "rig.lua").string(), "--out", (folder_ / "runs").string()});
+  std::vector<std::string> words = by;
+  for (const std::string& word :
+       {std::string(kProgram), std::string("run"), (folder_ / "held.lua").string(),
+        std::string("--rig"), (folder_ / "rig.lua").string(), std::string("--out"),
+        (folder_ / "runs").string()})
+    words.push_back(word);
+  execute(words);
 }
 
 /// The guardian first: without the amplifier, which goes next, it would go on for ten minutes.

@@ -100,9 +100,15 @@ class Outside : public Instrument {
 struct Amplifier {
   virtual ~Amplifier() = default;
   virtual std::string rig() const = 0;
-  virtual double output() = 0;  ///< V or A: the largest magnitude of a channel
+  /// V or A, the largest magnitude of a channel: what it is set to.
+  virtual double level() = 0;
   virtual Instrument& instrument() = 0;
+  /// What has the one-shot of a heartbeat line, and the name of the line's level in its history.
+  virtual Instrument& line() { return instrument(); }
+  virtual std::string edges() const { return "port_latch"; }
   virtual std::string node() const { return "/dev/hidraw0"; }
+  /// Of the level what flows: nothing where a heartbeat's relay is open.
+  double output();
   bool energized() { return output() > 0.4; }
   bool at_zero() { return output() < 2e-3; }
 };
@@ -112,6 +118,7 @@ struct Beat {
   double rate = 50;        ///< Hz
   double one_shot = 0.07;  ///< s
   double release = 0.015;  ///< s, in which the relay opens after the pulse
+  double operate = 0.1;    ///< s, in which it closes: longer than the pulse
 };
 
 /// A USB-3103, whose outputs are asked for from `device`; one ampere is half a volt. With a
@@ -121,7 +128,7 @@ class Voltages : public Amplifier {
   explicit Voltages(std::unique_ptr<Instrument> device, std::string role = "coils",
                     const std::optional<Beat>& beat = std::nullopt);
   std::string rig() const override;
-  double output() override;
+  double level() override;
   Instrument& instrument() override { return *device_; }
 
  private:
@@ -129,19 +136,42 @@ class Voltages : public Amplifier {
   std::string role_;
   std::optional<Beat> beat_;
 };
+
+/// A BOP on a serial port; with a heartbeat line behind RTS of an adapter of its own.
+class Bop : public Amplifier {
+ public:
+  Bop(std::unique_ptr<Instrument> supply, std::string node);
+  Bop(std::unique_ptr<Instrument> supply, std::string node, std::unique_ptr<Instrument> adapter,
+      std::string adapter_node, const Beat& beat);
+  std::string rig() const override;
+  double level() override;
+  Instrument& instrument() override { return *supply_; }
+  Instrument& line() override { return adapter_ ? *adapter_ : *supply_; }
+  std::string edges() const override { return "rts"; }
+  std::string node() const override { return node_; }
+
+ private:
+  std::unique_ptr<Instrument> supply_, adapter_;
+  std::string node_, adapter_node_;
+  Beat beat_;
+};
 /// Waits for it, and opens it to every user; throws std::runtime_error.
 void wait_for_node(const std::filesystem::path& node);
+/// The lasting name, by udev, of the port of the serial adapter with this serial number, once it is
+/// there: that of the kernel changes with each reset. Throws std::runtime_error.
+std::string adapter_node(const std::string& serial);
 /// Plugged into this machine's own controller.
 std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role = "coils",
                                           const std::optional<Beat>& beat = std::nullopt);
-/// A BOP behind /dev/ttyACM0.
-std::unique_ptr<Amplifier> bop_gadget();
+/// A BOP behind a port of the communication class; its heartbeat's adapter is an FTDI's.
+std::unique_ptr<Amplifier> bop_gadget(const std::optional<Beat>& beat = std::nullopt);
 
 /// The program, holding 1 A (a lamp: level 0.5) for ten minutes.
 class Host {
  public:
-  /// `prepare`: in the new process, before the program.
-  explicit Host(Amplifier& amplifier, const std::function<void()>& prepare = {});
+  /// `prepare`: in the new process, before the program. `by`: words of a program that becomes it.
+  explicit Host(Amplifier& amplifier, const std::function<void()>& prepare = {},
+                const std::vector<std::string>& by = {});
   ~Host();
   Host(const Host&) = delete;
   Host& operator=(const Host&) = delete;

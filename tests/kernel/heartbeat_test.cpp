@@ -6,10 +6,9 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
 #include <csignal>
 #include <thread>
+#include <unistd.h>
 
 namespace vitreo::kernel_guest {
 namespace {
@@ -23,12 +22,11 @@ struct Relay {
   int closed_again = 0;
 };
 
-Relay relay_in(const nlohmann::json& history, double since) {
+Relay relay_in(const nlohmann::json& history, const std::string& edges, double since) {
   Relay relay;
   for (const nlohmann::json& line : history) {
     const double at = line[0].get<double>();
-    if (line[1] == "port_latch" && (line[2].get<int>() & 1) != 0 && !relay.opened)
-      relay.last_edge = at;
+    if (line[1] == edges && (line[2].get<int>() & 1) != 0 && !relay.opened) relay.last_edge = at;
     if (line[1] != "amplifiers" || at < since) continue;
     if (line[2].get<bool>())
       relay.closed_again += relay.opened ? 1 : 0;
@@ -45,40 +43,86 @@ class Heartbeat : public ::testing::Test {
     host = std::make_unique<Host>(*amplifier, prepare);
     host->energize();
     std::this_thread::sleep_for(250ms);
-    began = device().order({{"now", true}}).at("now");
+    began = now();
     if (!amplifier->energized()) throw std::runtime_error("not for long: " + host->said());
   }
-  Relay relay() { return relay_in(device().order({{"history", true}}).at("history"), began); }
+  Relay relay() {
+    return relay_in(line().order({{"history", true}}).at("history"), amplifier->edges(), began);
+  }
   /// Behind the event: prints when the relay opened; fails where it did not within `bound` ms, or
   /// closed again.
   void expect_off(const char* what, double bound) {
-    time_until(3s, [&] { return !device().state("amplifiers").get<bool>(); });
+    time_until(3s, [&] { return !line().state("amplifiers").get<bool>(); });
     std::this_thread::sleep_for(1s);
     const Relay seen = relay();
     ASSERT_TRUE(seen.opened) << what << ": the amplifiers stay on; " << host->said();
     const double off = (*seen.opened - began) * 1e3;
-    row("%s: amplifiers off after %.0f ms (%.0f ms after the last edge), %.2f V behind them", what,
-        off, (*seen.opened - seen.last_edge) * 1e3, volts());
+    row("%s: off after %.0f ms (%.0f ms after the last edge); set to %.2f %s then", what, off,
+        (*seen.opened - seen.last_edge) * 1e3, level(), unit());
     EXPECT_LT(off, bound) << what;
     EXPECT_EQ(seen.closed_again, 0) << what << ": on again; " << host->said();
     EXPECT_EQ(amplifier->output(), 0);
   }
-  double volts() {
-    double most = 0;
-    for (const nlohmann::json& one : device().state("volts"))
-      most = std::max(most, std::abs(one.get<double>()));
-    return most;
-  }
-  Instrument& device() { return amplifier->instrument(); }
+  virtual const char* unit() const { return "V"; }
+  double level() { return amplifier->level(); }
+  Instrument& line() { return amplifier->line(); }
+  double now() { return line().order({{"now", true}}).at("now"); }
+
+  void host_killed();
+  void host_frozen();
+  void both_killed();
+  void control_group_killed();
+  void cable_out_and_in(Instrument& device, const char* what, double bound);
 
   std::unique_ptr<Amplifier> amplifier;
   std::unique_ptr<Host> host;
-  double began = 0;  // s of the double's clock: the event
+  double began = 0;  // s of the line's clock: the event
 };
 
+constexpr double kGoal = 100;  // ms
+
+void Heartbeat::host_killed() {
+  energize();
+  ::kill(host->process(), SIGKILL);
+  expect_off("host killed", kGoal);
+}
+
+void Heartbeat::host_frozen() {
+  energize();
+  ::kill(host->process(), SIGSTOP);
+  expect_off("host frozen", kGoal);
+}
+
+void Heartbeat::both_killed() {
+  energize();
+  ::kill(host->guardian(), SIGKILL);
+  ::kill(host->process(), SIGKILL);
+  expect_off("guardian and host killed at once", kGoal);
+  EXPECT_GT(level(), 0.4) << "nothing has zeroed it: the relay alone is judged";
+}
+
+void Heartbeat::control_group_killed() {
+  const fs::path group = "/sys/fs/cgroup/beating";
+  fs::create_directory(group);
+  energize([&] { write_text(group / "cgroup.procs", "0"); });
+  write_text(group / "cgroup.kill", "1");
+  expect_off("control group killed", kGoal);
+  host.reset();
+  time_until(2s, [&] { return ::rmdir(group.c_str()) == 0; });
+}
+
+void Heartbeat::cable_out_and_in(Instrument& device, const char* what, double bound) {
+  energize();
+  device.unplug();
+  expect_off(what, bound);
+  device.plug();
+  EXPECT_TRUE(time_until(10s, [&] { return level() < 2e-3; })) << host->said();
+  EXPECT_EQ(relay().closed_again, 0) << "cable in: on again; " << host->said();
+}
+
+/// On a digital line of the interface itself.
 class HeartbeatGuest : public Heartbeat {
  protected:
-  static constexpr double kGoal = 100;  // ms
   static void SetUpTestSuite() {
     load_gadgets();
     load({"usb_f_hid", "usbhid", "hid-generic"});
@@ -86,62 +130,61 @@ class HeartbeatGuest : public Heartbeat {
   void SetUp() override { amplifier = usb3103_gadget("coils", Beat{}); }
 };
 
-TEST_F(HeartbeatGuest, HostKilled) {
-  energize();
-  ::kill(host->process(), SIGKILL);
-  expect_off("host killed", kGoal);
-}
-
-TEST_F(HeartbeatGuest, HostFrozen) {
-  energize();
-  ::kill(host->process(), SIGSTOP);
-  expect_off("host frozen", kGoal);
-}
-
-TEST_F(HeartbeatGuest, GuardianKilledAndTheHostBeforeItNotices) {
-  energize();
-  ::kill(host->guardian(), SIGKILL);
-  ::kill(host->process(), SIGKILL);
-  expect_off("guardian and host killed at once", kGoal);
-  EXPECT_GT(volts(), 0.4) << "nothing has zeroed it: the relay alone is judged";
-}
-
-TEST_F(HeartbeatGuest, ControlGroupKilled) {
-  const fs::path group = "/sys/fs/cgroup/beating";
-  fs::create_directory(group);
-  energize([&] { write_text(group / "cgroup.procs", "0"); });
-  write_text(group / "cgroup.kill", "1");
-  expect_off("control group killed", kGoal);
-}
-
+TEST_F(HeartbeatGuest, HostKilled) { host_killed(); }
+TEST_F(HeartbeatGuest, HostFrozen) { host_frozen(); }
+TEST_F(HeartbeatGuest, GuardianKilledAndTheHostBeforeItNotices) { both_killed(); }
+TEST_F(HeartbeatGuest, ControlGroupKilled) { control_group_killed(); }
 TEST_F(HeartbeatGuest, CableOutAndIn) {
-  energize();
-  device().unplug();
-  expect_off("cable out", kGoal);
-  device().plug();
-  EXPECT_TRUE(time_until(10s, [&] { return volts() < 2e-3; })) << host->said();
-  EXPECT_EQ(relay().closed_again, 0) << "cable in: on again; " << host->said();
+  cable_out_and_in(amplifier->instrument(), "cable out", kGoal);
+}
+
+class HeartbeatLampGuest : public HeartbeatGuest {
+ protected:
+  void SetUp() override { amplifier = usb3103_gadget("lamp", Beat{}); }
+};
+
+TEST_F(HeartbeatLampGuest, HostKilled) { host_killed(); }
+TEST_F(HeartbeatLampGuest, HostFrozen) { host_frozen(); }
+TEST_F(HeartbeatLampGuest, GuardianKilledAndTheHostBeforeItNotices) { both_killed(); }
+TEST_F(HeartbeatLampGuest, ControlGroupKilled) { control_group_killed(); }
+TEST_F(HeartbeatLampGuest, CableOutAndIn) {
+  cable_out_and_in(amplifier->instrument(), "cable out", kGoal);
+}
+
+/// A supply on one serial port, and RTS of an FTDI adapter in another.
+class HeartbeatBopGuest : public Heartbeat {
+ protected:
+  static void SetUpTestSuite() {
+    load_gadgets();
+    load({"usb_f_acm", "cdc-acm", "vhci-hcd", "ftdi_sio"});
+  }
+  void SetUp() override { amplifier = bop_gadget(Beat{}); }
+  const char* unit() const override { return "A"; }
+};
+
+TEST_F(HeartbeatBopGuest, HostKilled) { host_killed(); }
+TEST_F(HeartbeatBopGuest, HostFrozen) { host_frozen(); }
+TEST_F(HeartbeatBopGuest, GuardianKilledAndTheHostBeforeItNotices) { both_killed(); }
+TEST_F(HeartbeatBopGuest, ControlGroupKilled) { control_group_killed(); }
+TEST_F(HeartbeatBopGuest, CableOfTheSupplyOutAndIn) {
+  // The line beats on until the supply is asked, at most 150 ms later.
+  cable_out_and_in(amplifier->instrument(), "the supply's cable out", 150 + kGoal);
+}
+TEST_F(HeartbeatBopGuest, CableOfTheLineOutAndIn) {
+  cable_out_and_in(amplifier->line(), "the line's cable out", kGoal);
 }
 
 /// Outside of the machine, whose time is then the computer's, with whatever else this one does
 /// meanwhile: where it cannot keep the beat, a slower one with a longer pulse is judged.
-class HeartbeatOutsideGuest : public Heartbeat {
+class HeartbeatOutside : public Heartbeat {
  protected:
-  static constexpr Beat kSlow{10, 0.5, 0.015};
+  static constexpr Beat kSlow{10, 0.5, 0.015, 0.6};
   /// ms: the pulse, and what comes before the last edge.
   double bound() const { return slow ? 800 : 300; }
-  static void SetUpTestSuite() {
-    load({"xhci-pci", "usbhid", "hid-generic"});
-    wait_for_node("/dev/hidraw0");
-  }
-  void wire() {
-    wait_for_node("/dev/hidraw0");
-    amplifier = std::make_unique<Voltages>(std::make_unique<Outside>("usb3103"), "coils",
-                                           slow ? kSlow : Beat{});
-  }
+  virtual std::unique_ptr<Amplifier> wired(const Beat& beat) = 0;
   void energize(const std::function<void()>& prepare = {}) override {
     for (int i = 1;; ++i) try {
-        wire();
+        amplifier = wired(slow ? kSlow : Beat{});
         Heartbeat::energize(prepare);
         return row("beat of %s", slow ? "10 Hz, pulse of 500 ms" : "50 Hz, pulse of 70 ms");
       } catch (const std::runtime_error&) {
@@ -161,14 +204,18 @@ class HeartbeatOutsideGuest : public Heartbeat {
     EXPECT_NE(host->code().value_or(0), 0) << host->said();
     row("the run has ended with code %d, by %s", *host->code(),
         own ? "the host's own trip" : "the guardian");
-    EXPECT_LT(volts(), 2e-3) << host->said();
+    EXPECT_LT(level(), 2e-3) << host->said();
     EXPECT_EQ(relay().closed_again, 0) << "on again; " << host->said();
   }
+
+  void frozen_as_for_sleep();
+  void sleep();
+  void panic();
 
   bool slow = false;
 };
 
-TEST_F(HeartbeatOutsideGuest, UserSpaceFrozenAsForSleep) {
+void HeartbeatOutside::frozen_as_for_sleep() {
   write_text("/sys/module/suspend/parameters/pm_test_delay", "2");
   write_text("/sys/power/pm_test", "devices");
   energize();
@@ -180,11 +227,11 @@ TEST_F(HeartbeatOutsideGuest, UserSpaceFrozenAsForSleep) {
   expect_trip();
 }
 
-TEST_F(HeartbeatOutsideGuest, Sleep) {
+void HeartbeatOutside::sleep() {
   energize();
   write_text("/sys/class/rtc/rtc0/wakealarm", "+4");
   write_text("/sys/power/state", "mem");
-  const double awake = device().order({{"now", true}}).at("now");
+  const double awake = now();
   EXPECT_GT(awake - began, 2) << "it did not sleep";
   expect_off("sleep (S3)", bound());
   expect_trip();
@@ -192,13 +239,42 @@ TEST_F(HeartbeatOutsideGuest, Sleep) {
 }
 
 /// The last one: run.py judges it.
-TEST_F(HeartbeatOutsideGuest, PanicOfTheKernel) {
+void HeartbeatOutside::panic() {
   energize();
   send_line("LEAVE", std::to_string(began) + " " + std::to_string(bound()));
   write_text("/proc/sysrq-trigger", "c");
   std::this_thread::sleep_for(10s);
   FAIL() << "the kernel goes on";
 }
+
+class HeartbeatOutsideGuest : public HeartbeatOutside {
+ protected:
+  static void SetUpTestSuite() { load({"xhci-pci", "usbhid", "hid-generic"}); }
+  std::unique_ptr<Amplifier> wired(const Beat& beat) override {
+    wait_for_node("/dev/hidraw0");
+    return std::make_unique<Voltages>(std::make_unique<Outside>("usb3103"), "coils", beat);
+  }
+};
+
+TEST_F(HeartbeatOutsideGuest, UserSpaceFrozenAsForSleep) { frozen_as_for_sleep(); }
+TEST_F(HeartbeatOutsideGuest, Sleep) { sleep(); }
+TEST_F(HeartbeatOutsideGuest, PanicOfTheKernel) { panic(); }
+
+/// A supply and a heartbeat's line, each behind an FTDI adapter.
+class HeartbeatBopOutsideGuest : public HeartbeatOutside {
+ protected:
+  static void SetUpTestSuite() { load({"xhci-pci", "ftdi_sio"}); }
+  std::unique_ptr<Amplifier> wired(const Beat& beat) override {
+    const std::string supply = adapter_node("BOP"), line = adapter_node("LINE");
+    return std::make_unique<Bop>(std::make_unique<Outside>("supply"), supply,
+                                 std::make_unique<Outside>("line"), line, beat);
+  }
+  const char* unit() const override { return "A"; }
+};
+
+TEST_F(HeartbeatBopOutsideGuest, UserSpaceFrozenAsForSleep) { frozen_as_for_sleep(); }
+TEST_F(HeartbeatBopOutsideGuest, Sleep) { sleep(); }
+TEST_F(HeartbeatBopOutsideGuest, PanicOfTheKernel) { panic(); }
 
 }  // namespace
 }  // namespace vitreo::kernel_guest

@@ -21,6 +21,7 @@ EARLY = ["virtio_pci", "virtio_blk", "virtio_console", "crc32c_generic", "ext4"]
 # On the disk, loaded by the case that needs them.
 LATER = [
     "usbhid", "hid-generic", "hid-logitech", "uhid", "dummy_hcd", "libcomposite", "usb_f_hid", "usb_f_acm", "cdc-acm", "xhci-pci", "vivid",
+    "vhci-hcd", "ftdi_sio",
 ]
 KERNEL_PARTS = ["./boot/vmlinuz*", "./lib/modules/*/kernel/*", "./lib/modules/*/modules.*"]
 LEFT_OUT = ["gpu", "net", "infiniband", "scsi", "staging", "iio", "sound", "nvme", "md", "target", "hwmon"]
@@ -159,10 +160,14 @@ class Disk:
                                 ignore=shutil.ignore_patterns("__pycache__", "hwdb.d", "test", "distutils", "sysconfig"))
         self.programs = {"/usr/bin/python3": system / "usr/bin/python3.11", "/bin/udevadm": system / "bin/udevadm",
                          "/bin/busybox": pathlib.Path("/bin/busybox")}
+        # Of the machine that builds (tests/kernel/packages.txt), where it need not be the first process.
+        for name in ("/lib/systemd/systemd", "/usr/bin/systemd-run", "/usr/bin/systemctl"):
+            self.programs[name] = pathlib.Path(name)
         # The Python of the guest compiles its own library here: there each module would cost a tenth of a second.
         run(system / "usr/bin/python3.11", "-I", "-S", "-m", "compileall", "-q", "--invalidation-mode", "unchecked-hash",
             "-s", self.root, "-p", "/", self.root / "usr/lib/python3.11", env={"PYTHONHOME": str(system / "usr")})
         etc = self.root / "etc"
+        (etc / "machine-id").write_text("")  # systemd makes one for as long as it runs
         (etc / "passwd").write_text("root:x:0:0:root:/tmp:/bin/sh\noperator:x:1000:1000:operator:/tmp:/bin/sh\n")
         (etc / "group").write_text("root:x:0:\ntty:x:5:\ndisk:x:6:\nkmem:x:15:\ndialout:x:20:operator\n"
                                    "video:x:44:operator\nplugdev:x:46:operator\noperator:x:1000:\n")

@@ -1,8 +1,7 @@
 """A USB device outside of the machine that it is plugged into: a double behind QEMU's usb-redir.
 
 What happens to that machine (a panic, sleep, its end) does not happen to the double. Spoken is the usbredir protocol
-0.7 as usbredirproto.h of Debian's libusbredirparser-dev has it; the descriptors are those of USB 2.0 chapter 9 and HID
-1.11 chapter 6.
+0.7 as usbredirproto.h of Debian's libusbredirparser-dev has it.
 SPDX-License-Identifier: Apache-2.0
 """
 
@@ -19,17 +18,18 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "doubles
 import serve  # noqa: E402
 from double import HidDouble, STALL  # noqa: E402
 from gadget import report_descriptor  # noqa: E402
+from usb_device import UsbDevice  # noqa: E402
 
 HELLO, CONNECT, DISCONNECT, RESET, INTERFACES, ENDPOINTS = range(6)
 SET_CONFIGURATION, GET_CONFIGURATION, CONFIGURATION_STATUS = 6, 7, 8
 SET_ALTERNATE, GET_ALTERNATE, ALTERNATE_STATUS = 9, 10, 11
 START_INTERRUPT, STOP_INTERRUPT, INTERRUPT_STATUS, CANCEL = 15, 16, 17, 21
-CONTROL, INTERRUPT = 100, 103
+CONTROL, BULK, INTERRUPT = 100, 101, 103
 OK, CANCELLED, IO_ERROR, STALLED, TIMED_OUT = 0, 1, 3, 4, 5
-FULL_SPEED, NO_TYPE, TYPE_CONTROL, TYPE_INTERRUPT = 1, 255, 0, 3
+FULL_SPEED, NO_TYPE, TYPE_CONTROL = 1, 255, 0
 # usb_redir_cap_connect_device_version, ep_info_max_packet_size, 64bits_ids, 32bits_bulk_length: what QEMU's xhci wants.
 CAPABILITIES = 1 << 1 | 1 << 4 | 1 << 5 | 1 << 6
-OUT_ENDPOINT, IN_ENDPOINT = 0x01, 0x81
+IN_ENDPOINT = 0x81
 
 
 class Redirected:
@@ -39,7 +39,8 @@ class Redirected:
         self.double = serve.make(instrument, options)
         self.path = str(path)
         self.hid = isinstance(self.double, HidDouble)
-        self.described = report_descriptor(self.double, False, 64) if self.hid else b""
+        self.device = UsbDevice(self.double, report_descriptor(self.double, False, 64) if self.hid else b"")
+        self.asked = []  # bulk transfers to the machine that wait for data: (id, endpoint, bytes)
         self.began = time.monotonic()
         self.lock = threading.Lock()
         self.listener = socket.socket(socket.AF_UNIX)
@@ -89,7 +90,7 @@ class Redirected:
         while self.open:
             waiting = [self.wake_reader, self.machine or self.listener]
             with self.lock:
-                due = self.double.next()
+                due = self.double.next() if self.asked or not self.device.bulk else self.double.next_event()
             timeout = None if due is None else max(0.0, due - self.now())
             ready, _, _ = select.select(waiting, [], [], timeout)
             if self.wake_reader in ready:
@@ -133,37 +134,40 @@ class Redirected:
                 self.machine = None
 
     def _report(self):
-        """Cable in or out, and the double's input reports."""
+        """Cable in or out, and what the double has to say."""
         if self.machine is not None and self.plugged != self.wanted and self.configured is not None:
             self.plugged = self.wanted
             if self.plugged:
                 self._connect()
             else:
-                self.receiving = False
+                self.receiving, self.asked = False, []
                 self._say(DISCONNECT, 0, b"")
         self.double.advance(self.now())
         while self.hid and (report := self.double.input(self.now())) is not None:
             if self.receiving:
                 self.serial += 1
                 self._say(INTERRUPT, self.serial, struct.pack("<BBH", IN_ENDPOINT, OK, len(report)) + report)
+        while self.asked and (data := self.double.bulk_in(self.asked[0][2], self.now())) is not None:
+            number, end, _ = self.asked.pop(0)
+            self._say_bulk(number, end, OK, data, len(data))
 
     def _connect(self):
+        # Index: the endpoint's number, and 16 more for those towards the machine.
         ends = {0: TYPE_CONTROL, 16: TYPE_CONTROL}
-        if self.hid:
-            ends.update({1: TYPE_INTERRUPT, 17: TYPE_INTERRUPT})
+        ends.update({(address & 0x0F) + (16 if address & 0x80 else 0): how for address, how in self.device.ends.items()})
         row = lambda value, other: bytes(value if each in ends else other for each in range(32))  # noqa: E731
         self._say(INTERFACES, 0, struct.pack("<I", 1) + b"".join(
-            bytes([each]) + bytes(31) for each in (0, 3 if self.hid else 0xFF, 0, 0)))
+            bytes([each]) + bytes(31) for each in (0, self.device.interface, 0, 0)))
         self._say(ENDPOINTS, 0, bytes(ends.get(each, NO_TYPE) for each in range(32)) + row(1, 0) + bytes(32) +
                   struct.pack("<32H", *(64 if each in ends else 0 for each in range(32))))
         self._say(CONNECT, 0, struct.pack("<BBBBHHH", FULL_SPEED, 0, 0, 0, self.double.VENDOR, self.double.PRODUCT,
-                                          getattr(self.double, "firmware", 0x0100)))
+                                          self.device.firmware))
 
     def _packet(self, kind, number, body):
         if kind == HELLO:
             self.configured = 0
         elif kind == RESET:
-            self.receiving, self.configured = False, 0
+            self.receiving, self.configured, self.asked = False, 0, []
         elif kind == SET_CONFIGURATION:
             self.configured = body[0]
             self._say(CONFIGURATION_STATUS, number, bytes([OK, body[0]]))
@@ -177,47 +181,31 @@ class Redirected:
         elif kind == INTERRUPT:  # a report of the host
             self.double.output(body[4:], self.now())
             self._say(INTERRUPT, number, struct.pack("<BBH", body[0], OK, len(body) - 4))
+        elif kind == BULK:
+            self._bulk(number, body)
+        elif kind == CANCEL:
+            for each in [one for one in self.asked if one[0] == number]:
+                self.asked.remove(each)
+                self._say_bulk(number, each[1], CANCELLED, b"", 0)
         elif kind == CONTROL:
             self._control(number, body)
 
+    def _bulk(self, number, body):
+        """Of 10 bytes, with the upper half of the length last (32bits_bulk_length); a transfer to the machine waits."""
+        end, _, low, _, high = struct.unpack_from("<BBHIH", body)
+        size = low | high << 16
+        if end & 0x80:
+            self.asked.append((number, end, size))
+            return
+        self.double.bulk_out(body[10:], self.now())
+        self._say_bulk(number, end, OK, b"", size)
+
+    def _say_bulk(self, number, end, status, data, size):
+        self._say(BULK, number, struct.pack("<BBHIH", end, status, size & 0xFFFF, 0, size >> 16) + data)
+
     def _control(self, number, body):
         end, request, kind, _, value, index, length = struct.unpack_from("<BBBBHHH", body)
-        result, data = self._transfer(kind, request, value, index, length, body[10:])
+        result, data = self.device.transfer(kind, request, value, index, length, body[10:], self.now())
         status = OK if result >= 0 else STALLED if result == STALL else IO_ERROR
         moved = max(result, 0)
         self._say(CONTROL, number, struct.pack("<BBBBHHH", end, request, kind, status, value, index, moved) + data)
-
-    def _transfer(self, kind, request, value, index, length, sent):
-        """(bytes moved or negative errno, data of an IN transfer)."""
-        if kind & 0x60 == 0x40:  # the maker's own
-            if kind & 0x80:
-                return self.double.control(kind, request, value, index, length, self.now())
-            return self.double.control(kind, request, value, index, sent, self.now()), b""
-        if request == 6 and kind & 0x80:  # GET_DESCRIPTOR
-            found = self._descriptor(value >> 8, value & 0xFF)
-            return (STALL, b"") if found is None else (min(len(found), length), found[:length])
-        if kind == 0x80 and request == 0:  # GET_STATUS: powered by itself
-            return 2, b"\x01\x00"
-        if kind == 0x21 and self.hid and request in (0x0A, 0x0B):  # SET_IDLE, SET_PROTOCOL
-            return 0, b""
-        if kind in (0x00, 0x01, 0x02) and request in (1, 3):  # CLEAR_FEATURE, SET_FEATURE
-            return 0, b""
-        return STALL, b""
-
-    def _descriptor(self, kind, number):
-        if kind == 1:
-            return struct.pack("<BBHBBBBHHHBBBB", 18, 1, 0x0200, 0, 0, 0, 64, self.double.VENDOR, self.double.PRODUCT,
-                               getattr(self.double, "firmware", 0x0100), 1, 2, 3, 1)
-        if kind == 2:
-            rest = struct.pack("<BBBBBBBBB", 9, 4, 0, 0, 2 if self.hid else 0, 3 if self.hid else 0xFF, 0, 0, 0)
-            if self.hid:
-                rest += struct.pack("<BBHBBBH", 9, 0x21, 0x0111, 0, 1, 0x22, len(self.described))
-                rest += struct.pack("<BBBBHB", 7, 5, IN_ENDPOINT, 3, 64, 1)
-                rest += struct.pack("<BBBBHB", 7, 5, OUT_ENDPOINT, 3, 64, 1)
-            return struct.pack("<BBHBBBBB", 9, 2, 9 + len(rest), 1, 1, 0, 0xC0, 50) + rest
-        if kind == 3:
-            if number == 0:
-                return b"\x04\x03\x09\x04"
-            text = {1: "Double", 2: type(self.double).__name__, 3: getattr(self.double, "serial", "1")}.get(number)
-            return None if text is None else bytes([2 + 2 * len(text), 3]) + text.encode("utf-16-le")
-        return self.described if kind == 0x22 and self.hid else None

@@ -63,6 +63,10 @@ class Rescue : public ::testing::Test {
   void cable_out_and_in();
   void second_host();
   void old_guardian();
+  void both_killed();
+  void control_group_killed();
+  void device_reset();
+  void frozen_as_for_sleep();
 
   static std::unique_ptr<Amplifier> amplifier;  // of the whole suite
   std::unique_ptr<Host> host;
@@ -172,6 +176,60 @@ void Rescue::old_guardian() {
   row("old guardian: leaves the device to its new host");
 }
 
+void Rescue::both_killed() {
+  energize();
+  ::kill(host->guardian(), SIGKILL);
+  ::kill(host->process(), SIGKILL);
+  tell_and_open_anew("guardian and host killed at once");
+}
+
+// The guardian is in a group of its own.
+void Rescue::control_group_killed() {
+  const fs::path group = kGroups / "whole";
+  fs::create_directory(group);
+  energize([&] { write_text(group / "cgroup.procs", "0"); });
+  write_text(group / "cgroup.kill", "1");
+  row("control group killed: at zero after %.0f ms", zero_within(2s));
+  host.reset();
+  time_until(2s, [&] { return ::rmdir(group.c_str()) == 0; });
+}
+
+/// What a hub in trouble does: the device is configured anew, its outputs are not touched.
+void Rescue::device_reset() {
+  energize();
+  int buses = 0;
+  for (const auto& device : fs::recursive_directory_iterator("/dev/bus/usb")) {
+    if (fs::is_directory(device) || device.path().filename() == "001") continue;
+    const int node = ::open(device.path().c_str(), O_WRONLY | O_CLOEXEC);
+    buses += ::ioctl(node, USBDEVFS_RESET, 0) == 0 ? 1 : 0;
+    ::close(node);
+  }
+  ASSERT_GT(buses, 0);
+  std::this_thread::sleep_for(1s);
+  const double left = amplifier->output();
+  const bool lives = host->lives();
+  EXPECT_TRUE(lives || left < 2e-3) << "on, and no host: " << host->said();
+  row("device reset: 1 s later the run %s, %.2f %s", lives ? "goes on" : "has ended", left, unit());
+}
+
+/// Freezes user space as sleep does, for some seconds: guardian and host alike.
+void Rescue::frozen_as_for_sleep() {
+  energize();
+  write_text("/sys/module/suspend/parameters/pm_test_delay", "2");
+  write_text("/sys/power/pm_test", "devices");
+  const auto began = Steady::now();
+  write_text("/sys/power/state", "freeze");
+  const double away = Milliseconds(Steady::now() - began).count();
+  write_text("/sys/power/pm_test", "none");
+  std::this_thread::sleep_for(1s);
+  const double left = amplifier->output();
+  const bool lives = host->lives();
+  EXPECT_GT(away, 1500) << "it did not freeze";
+  EXPECT_TRUE(lives || left < 2e-3) << "on, and no host: " << host->said();
+  row("all of user space frozen for %.0f ms: 1 s later the run %s, %.2f %s", away,
+      lives ? "goes on" : "has ended", left, unit());
+}
+
 class RescueUsb3103Guest : public Rescue {
  protected:
   static void SetUpTestSuite() {
@@ -198,58 +256,10 @@ TEST_F(RescueUsb3103Guest, OutOfMemory) { out_of_memory(); }
 TEST_F(RescueUsb3103Guest, CableOutAndIn) { cable_out_and_in(); }
 TEST_F(RescueUsb3103Guest, SecondHost) { second_host(); }
 TEST_F(RescueUsb3103Guest, OldGuardian) { old_guardian(); }
-
-TEST_F(RescueUsb3103Guest, GuardianKilledAndTheHostBeforeItNotices) {
-  energize();
-  ::kill(host->guardian(), SIGKILL);
-  ::kill(host->process(), SIGKILL);
-  tell_and_open_anew("guardian and host killed at once");
-}
-
-// The guardian is in a group of its own.
-TEST_F(RescueUsb3103Guest, ControlGroupKilled) {
-  const fs::path group = kGroups / "whole";
-  fs::create_directory(group);
-  energize([&] { write_text(group / "cgroup.procs", "0"); });
-  write_text(group / "cgroup.kill", "1");
-  row("control group killed: at zero after %.0f ms", zero_within(2s));
-}
-
-/// What a hub in trouble does: the device is configured anew, its outputs are not touched.
-TEST_F(RescueUsb3103Guest, DeviceReset) {
-  energize();
-  int buses = 0;
-  for (const auto& device : fs::recursive_directory_iterator("/dev/bus/usb")) {
-    if (fs::is_directory(device) || device.path().filename() == "001") continue;
-    const int node = ::open(device.path().c_str(), O_WRONLY | O_CLOEXEC);
-    buses += ::ioctl(node, USBDEVFS_RESET, 0) == 0 ? 1 : 0;
-    ::close(node);
-  }
-  ASSERT_GT(buses, 0);
-  std::this_thread::sleep_for(1s);
-  const double left = amplifier->output();
-  const bool lives = host->lives();
-  EXPECT_TRUE(lives || left < 2e-3) << "on, and no host: " << host->said();
-  row("device reset: 1 s later the run %s, %.2f V", lives ? "goes on" : "has ended", left);
-}
-
-/// Freezes user space as sleep does, for some seconds: guardian and host alike.
-TEST_F(RescueUsb3103Guest, FrozenAsForSleep) {
-  energize();
-  write_text("/sys/module/suspend/parameters/pm_test_delay", "2");
-  write_text("/sys/power/pm_test", "devices");
-  const auto began = Steady::now();
-  write_text("/sys/power/state", "freeze");
-  const double away = Milliseconds(Steady::now() - began).count();
-  write_text("/sys/power/pm_test", "none");
-  std::this_thread::sleep_for(1s);
-  const double left = amplifier->output();
-  const bool lives = host->lives();
-  EXPECT_GT(away, 1500) << "it did not freeze";
-  EXPECT_TRUE(lives || left < 2e-3) << "on, and no host: " << host->said();
-  row("all of user space frozen for %.0f ms: 1 s later the run %s, %.2f V", away,
-      lives ? "goes on" : "has ended", left);
-}
+TEST_F(RescueUsb3103Guest, GuardianKilledAndTheHostBeforeItNotices) { both_killed(); }
+TEST_F(RescueUsb3103Guest, ControlGroupKilled) { control_group_killed(); }
+TEST_F(RescueUsb3103Guest, DeviceReset) { device_reset(); }
+TEST_F(RescueUsb3103Guest, FrozenAsForSleep) { frozen_as_for_sleep(); }
 
 std::string inhibitors() { return run({"sh", "-c", "cat /run/inhibitor.* 2>/dev/null"}).said; }
 
@@ -269,9 +279,15 @@ TEST_F(RescueUsb3103Guest, SleepIsInhibitedAsLongAsTheHostLives) {
 TEST_F(RescueBopGuest, HostKilled) { host_killed(); }
 TEST_F(RescueBopGuest, HostFrozen) { host_frozen(); }
 TEST_F(RescueBopGuest, GuardianKilled) { guardian_killed(); }
+TEST_F(RescueBopGuest, TerminalHungUp) { terminal_hung_up(); }
+TEST_F(RescueBopGuest, OutOfMemory) { out_of_memory(); }
 TEST_F(RescueBopGuest, CableOutAndIn) { cable_out_and_in(); }
 TEST_F(RescueBopGuest, SecondHost) { second_host(); }
 TEST_F(RescueBopGuest, OldGuardian) { old_guardian(); }
+TEST_F(RescueBopGuest, GuardianKilledAndTheHostBeforeItNotices) { both_killed(); }
+TEST_F(RescueBopGuest, ControlGroupKilled) { control_group_killed(); }
+TEST_F(RescueBopGuest, DeviceReset) { device_reset(); }
+TEST_F(RescueBopGuest, FrozenAsForSleep) { frozen_as_for_sleep(); }
 
 class RescueLampGuest : public Rescue {
  protected:
@@ -283,6 +299,16 @@ class RescueLampGuest : public Rescue {
 };
 TEST_F(RescueLampGuest, HostKilled) { host_killed(); }
 TEST_F(RescueLampGuest, HostFrozen) { host_frozen(); }
+TEST_F(RescueLampGuest, GuardianKilled) { guardian_killed(); }
+TEST_F(RescueLampGuest, TerminalHungUp) { terminal_hung_up(); }
+TEST_F(RescueLampGuest, OutOfMemory) { out_of_memory(); }
+TEST_F(RescueLampGuest, CableOutAndIn) { cable_out_and_in(); }
+TEST_F(RescueLampGuest, SecondHost) { second_host(); }
+TEST_F(RescueLampGuest, OldGuardian) { old_guardian(); }
+TEST_F(RescueLampGuest, GuardianKilledAndTheHostBeforeItNotices) { both_killed(); }
+TEST_F(RescueLampGuest, ControlGroupKilled) { control_group_killed(); }
+TEST_F(RescueLampGuest, DeviceReset) { device_reset(); }
+TEST_F(RescueLampGuest, FrozenAsForSleep) { frozen_as_for_sleep(); }
 
 }  // namespace
 }  // namespace vitreo::kernel_guest

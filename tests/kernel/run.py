@@ -48,7 +48,7 @@ class Guest:
         self.folder = given.folder / "guests" / group
         self.devices, self.process, self.problem, self.took = {}, None, "", 0.0
         self.left = None  # with what words the cases left the rest to the judge
-        self.judge = JUDGES.get(group)
+        self.judge = PANICKING.get(group)
 
     def pace(self):
         """A nanosecond an instruction: times are those of a machine that does a billion a second, whatever else this
@@ -79,7 +79,7 @@ class Guest:
         began = time.monotonic()
         try:
             self._run()
-        except (OSError, RuntimeError, ValueError) as error:
+        except (OSError, RuntimeError, ValueError, subprocess.SubprocessError) as error:
             self.problem = f"{type(error).__name__}: {error}"
         finally:
             if self.process is not None and self.process.poll() is None:
@@ -107,7 +107,7 @@ class Guest:
         if self.judge:
             self.judge(self)
             return
-        code = self.process.wait(timeout=10)
+        code = self.process.wait(timeout=60)
         if code != 1:  # 2 v + 1 for the verdict v of the cases
             self.problem = f"ended with {code}: " + ("no verdict, the machine stopped" if code == 0 else
                                                      f"the cases' program said {(code - 1) // 2}")
@@ -162,27 +162,36 @@ def wait_for_panic(guest, case):
     return True
 
 
+def level(guest):
+    """What the amplifier outside is set to, V or A."""
+    if "supply" in guest.devices:
+        return abs(guest.devices["supply"].obey('{"get": "current"}')["current"])
+    return max(abs(volts) for volts in guest.devices["usb3103"].obey('{"get": "volts"}')["volts"])
+
+
+def switch_off(guest):
+    """The computer loses its power."""
+    guest.process.kill()
+    guest.process.wait()
+    time.sleep(0.5)
+
+
 def judge_panic(guest):
-    """The machine panics with its output energized; the interface outside goes on without it."""
-    case = next(iter(guest.cases.values()))
+    """The machine panics with its output energized; the amplifier outside goes on without it."""
+    case = next(case for case in guest.cases.values() if case.name.endswith("OfTheKernelWhileACurrentFlows"))
     if not wait_for_panic(guest, case):
         return
-    device = guest.devices["usb3103"]
     seen = []
     for wait in (0.2, 0.8, 1.0):
         time.sleep(wait)
-        state = device.obey('{"get": "state"}')
-        seen.append((max(abs(volts) for volts in state["volts"]), bool(state["port_pins"] & 1)))
-    guest.process.kill()  # the computer loses its power
-    guest.process.wait()
-    time.sleep(0.5)
-    state = device.obey('{"get": "state"}')
-    seen.append((max(abs(volts) for volts in state["volts"]), bool(state["port_pins"] & 1)))
-    words = ", ".join(f"{volts:.2f} V, enable {'high' if enable else 'low'}" for volts, enable in seen)
-    case.rows.append(f"0.2, 1, 2 s after the panic, and with the computer off: {words}")
+        seen.append(level(guest))
+    switch_off(guest)
+    seen.append(level(guest))
+    unit = "A" if "supply" in guest.devices else "V"
+    case.rows.append("0.2, 1, 2 s after the panic, and with the computer off: " + ", ".join(f"{each:.2f} {unit}" for each in seen))
     # The documented limit (docs/safety.md): a kernel that stands still zeroes nothing. That it panicked with the output
     # on is what makes the row worth printing; an output that is off by itself would be news.
-    if not all(volts > 0.4 for volts, _ in seen):
+    if not all(each > 0.4 for each in seen):
         case.verdict = FAILED
         case.said.append("the output went off by itself: docs/safety.md says that it stays on; correct the page")
     else:
@@ -190,44 +199,50 @@ def judge_panic(guest):
 
 
 def judge_heartbeat_panic(guest):
-    """The same with a heartbeat line: the double's relay opens, and stays open with the computer off."""
-    case = guest.cases["HeartbeatOutsideGuest.PanicOfTheKernel"]
+    """The same with a heartbeat line: the relay of its double opens, and stays open with the computer off."""
+    case = guest.cases[f"{guest.group}.PanicOfTheKernel"]
     if not wait_for_panic(guest, case):
         return
-    device = guest.devices["usb3103"]
+    device, line = (guest.devices["line"], "rts") if "line" in guest.devices else (guest.devices["usb3103"], "port_latch")
     began, bound = map(float, guest.left.split())
     time.sleep(1.0)
-    guest.process.kill()  # the computer loses its power
-    guest.process.wait()
-    time.sleep(0.5)
+    switch_off(guest)
     history = device.obey('{"history": true}')["history"]
     relay = [(at, closed) for at, name, closed in history if name == "amplifiers" and at > began]
-    edges = [at for at, name, latch in history if name == "port_latch" and latch & 1]
-    driven = device.obey('{"get": "state"}')["driven"]
-    if len(relay) != 1 or relay[0][1] or driven:
+    edges = [at for at, name, high in history if name == line and high & 1]
+    if len(relay) != 1 or relay[0][1]:
         case.verdict = FAILED
-        case.said.append(f"the relay after {began}: {relay}; {driven} V driven")
+        case.said.append(f"the relay after {began}: {relay}")
         return
     off = (relay[0][0] - began) * 1e3
-    case.rows.append(f"kernel panic: amplifiers off after {off:.0f} ms ({(relay[0][0] - edges[-1]) * 1e3:.0f} ms after "
-                     "the last edge), and with the computer off")
+    case.rows.append(f"kernel panic: off after {off:.0f} ms ({(relay[0][0] - edges[-1]) * 1e3:.0f} ms after "
+                     f"the last edge), and with the computer off; set to {level(guest):.2f}")
     case.verdict = PASSED if off < bound else FAILED
     if case.verdict == FAILED:
         case.said.append(f"off after {off:.0f} ms; less than {bound:.0f} ms are wanted")
 
 
+USB3103 = {"usb3103": ("usb3103", ["reply_size=64"])}
+BOP = {"supply": ("ftdi_adapter", ["instrument=kepco_bop", "serial=BOP"])}
+LINE = {"line": ("ftdi_adapter", ["serial=LINE"])}
 OUTSIDE = {
     "TicGuest": {"tic": ("pololu_tic", [])},
-    "PanicGuest": {"usb3103": ("usb3103", ["reply_size=64"])},
-    "SleepGuest": {"usb3103": ("usb3103", ["reply_size=64"])},
-    "HeartbeatOutsideGuest": {"usb3103": ("usb3103", ["reply_size=64"])},
+    "PanicGuest": USB3103,
+    "BopOutsideGuest": BOP,
+    "SleepGuest": USB3103,
+    "HeartbeatOutsideGuest": USB3103,
+    "HeartbeatBopOutsideGuest": {**BOP, **LINE},
 }
-PANIC = {"PanicGuest": 0, "HeartbeatOutsideGuest": 0}  # the kernel stands still for ever, as a laboratory's computer does
-COMPRESSED = {"SleepGuest", "HeartbeatOutsideGuest"}  # resume from S3 resets a machine that was started from the bare ELF file
-JUDGES = {"PanicGuest": judge_panic, "HeartbeatOutsideGuest": judge_heartbeat_panic}
+PANICKING = {"PanicGuest": judge_panic, "BopOutsideGuest": judge_panic, "HeartbeatOutsideGuest": judge_heartbeat_panic,
+             "HeartbeatBopOutsideGuest": judge_heartbeat_panic}
+PANIC = {group: 0 for group in PANICKING}  # the kernel stands still for ever, as a laboratory's computer does
+# Resume from S3 resets a machine that was started from the bare ELF file.
+COMPRESSED = {"SleepGuest", "BopOutsideGuest", "HeartbeatOutsideGuest", "HeartbeatBopOutsideGuest"}
 # Suites that share the machine of another one: starting one costs as much as several cases.
-WITH = {"RescueUsb3103Guest": ["RescueLampGuest"], "Usb3103Guest": ["SerialGuest", "OperatorGuest"]}
-FIRST = ["SleepGuest", "RescueUsb3103Guest", "RescueBopGuest"]  # the longest
+WITH = {"HeartbeatGuest": ["HeartbeatLampGuest"], "Usb3103Guest": ["SerialGuest", "OperatorGuest"]}
+# The longest.
+FIRST = ["RescueUsb3103Guest", "RescueBopGuest", "RescueLampGuest", "HeartbeatBopOutsideGuest", "HeartbeatOutsideGuest", "BopOutsideGuest",
+         "SleepGuest", "HeartbeatGuest", "HeartbeatBopGuest"]
 
 
 def cases_of(program):
@@ -262,8 +277,10 @@ def make_guest(given):
     for name in ("scripts", "protocols"):
         disk.add(source / name, str(source / name))
     disk.add(HERE.parent / "doubles", "/opt/vitreo/doubles")
-    disk.add(HERE / "gadget.py", "/opt/vitreo/kernel/gadget.py")
+    for name in ("gadget.py", "usb_device.py"):
+        disk.add(HERE / name, f"/opt/vitreo/kernel/{name}")
     disk.add(HERE / "guest_start", "/sbin/start")
+    disk.add(HERE / "guest_cases", "/sbin/cases")
     disk.add(HERE / "systemd-inhibit", "/usr/local/bin/systemd-inhibit")
     disk.add(source / "packaging/60-vitreo.rules", "/etc/udev/rules.d/60-vitreo.rules")
     disk.write()

@@ -39,6 +39,10 @@ constexpr std::array kRecorded = {"DeviceFirmwareVersion",
                                   "ReverseY",
                                   "PtpEnable",
                                   "PtpStatus",
+                                  "PtpOffsetFromMaster",
+                                  "GevIEEE1588",
+                                  "GevIEEE1588Status",
+                                  "ChunkModeActive",
                                   "GevSCPSPacketSize",
                                   "DeviceTemperature"};
 
@@ -102,6 +106,7 @@ void Configuration::apply() const {
         [this](GError** e) { arv_camera_gv_set_packet_size(camera_, settings_.packet_size, e); });
   set_lines();
   for (const auto& [feature, value] : settings_.features) features_.set(feature, value);
+  join_ptp();
 }
 
 /// What was left in a camera must not be in a measurement: an automatic exposure changes the
@@ -169,6 +174,26 @@ void Configuration::set_lines() const {
     features_.set_where_available("LineMode", "Output");
     features_.set("LineSource", "ExposureActive");
   }
+}
+
+/// The clock steps when it begins to follow a master: before the first frame, then. IEEE 1588:
+/// SLAVE follows one, MASTER is one itself; by SFNC's names, or by those before.
+void Configuration::join_ptp() const {
+  if (!settings_.ptp) return;
+  const bool by_sfnc = features_.available("PtpEnable");
+  const char* const status = by_sfnc ? "PtpStatus" : "GevIEEE1588Status";
+  features_.set(by_sfnc ? "PtpEnable" : "GevIEEE1588", "true");
+  constexpr int kTurns = 10;  // a second
+  const auto turns = static_cast<int>(std::ceil(settings_.ptp_timeout * kTurns));
+  std::string said;
+  for (int i = 0; i <= turns; ++i) {
+    features_.set_where_available("PtpDataSetLatch", "");
+    said = features_.value(status);
+    if (said == "Slave" || said == "Master") return;
+    g_usleep(1000000 / kTurns);
+  }
+  refuse("ptp: its clock is " + said + " after " + std::to_string(settings_.ptp_timeout) +
+         " s: is there a master (ptp4l) on its network?");
 }
 
 double Configuration::exposure() const {

@@ -30,6 +30,7 @@ class Configuration {
   void set_region() const;
   void set_timing() const;
   void set_lines() const;
+  void join_ptp() const;
   void check_region(CameraInfo& info) const;
   void check_rate(CameraInfo& info) const;
 

@@ -2,6 +2,7 @@
 #include "devices/instruments/genicam/driver.h"
 
 #include "devices/instruments/genicam/aravis.h"
+#include "devices/instruments/genicam/chunks.h"
 #include "devices/instruments/genicam/configuration.h"
 #include "devices/instruments/genicam/features.h"
 #include "devices/instruments/genicam/latch.h"
@@ -78,6 +79,7 @@ class GenicamCamera final : public Camera {
   Object<ArvStream> stream_;
   std::optional<Features> features_;
   std::optional<Latch> latch_;
+  std::optional<Chunks> chunks_;
   DeviceClock device_clock_;
   Time exposure_{};     // as the camera read it back last
   Time compared_at_{};  // when the clocks were compared last
@@ -117,6 +119,7 @@ void GenicamCamera::start() {
   features_.emplace(camera_.get(), settings_.name);
   const Configuration configuration(camera_.get(), settings_, *features_);
   configuration.apply();
+  chunks_.emplace(camera_.get(), *features_, settings_.chunks);
   info_ = configuration.read_back();
   exposure_ = from_seconds(configuration.exposure());
   latch_.emplace(camera_.get(), *features_);
@@ -189,6 +192,9 @@ bool has_image(ArvBuffer* buffer) {
 /// gone.
 std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
   heard_ = clock_.now();
+  if (chunks_->on() && arv_buffer_get_payload_type(buffer) == ARV_BUFFER_PAYLOAD_TYPE_CHUNK_DATA)
+    fail(DeviceErrorKind::refused,
+         "its images come as chunk data, which do not tell their size: set chunks = \"off\"");
   count(arv_buffer_get_frame_id(buffer));
   if (!has_image(buffer)) {
     ++statistics_.torn;
@@ -234,12 +240,15 @@ void GenicamCamera::date(Frame& frame, ArvBuffer* buffer) {
   const std::int64_t age = g_get_real_time() * 1000 - static_cast<std::int64_t>(system);
   const Time arrived = frame.received - Time(std::clamp<std::int64_t>(age, 0, 1'000'000'000));
   const Time ended = arrived - from_seconds(settings_.readout);
-  frame.exposed = ended - exposure_ / 2;
+  const Chunks::Said said = chunks_->read(buffer, stamp);
+  const Time exposure = said.exposure.value_or(exposure_);
+  frame.exposed = ended - exposure / 2;
   // Where Aravis does not know the clock's frequency it copies the host's stamp: no clock.
   if (stamp != 0 && stamp != system && settings_.device_clock != "none") {
     const Time stamped(static_cast<std::int64_t>(stamp));
-    const Time end = settings_.stamps_the_end ? stamped : stamped + exposure_;
-    frame.device = end - exposure_ / 2;
+    const Time begin = said.begin.value_or(settings_.stamps_the_end ? stamped - exposure : stamped);
+    const Time end = begin + exposure;
+    frame.device = begin + exposure / 2;
     forget_foreign_clock(*frame.device, frame.exposed);
     device_clock_.arrived(end, ended);
     frame.exposed = device_clock_.host_of(*frame.device).value_or(frame.exposed);
@@ -368,6 +377,9 @@ void Settings::check() const {
                                 pixel_format + " is another");
   if (device_clock != "latch" && device_clock != "arrivals" && device_clock != "none")
     throw std::invalid_argument("device_clock: must be latch, arrivals or none");
+  if (chunks != "auto" && chunks != "on" && chunks != "off")
+    throw std::invalid_argument("chunks: must be auto, on or off");
+  in(ptp_timeout, 0.1, 600, "ptp_timeout");
   if (trigger_edge != "rising" && trigger_edge != "falling")
     throw std::invalid_argument("trigger_edge: must be rising or falling");
 }

@@ -39,6 +39,12 @@ struct Settings {
   /// of what that clock has stamped, or "none" of it.
   std::string device_clock = "latch";
   bool stamps_the_end = false;  ///< its time stamp is of the exposure's end, not of its begin
+  /// Whether each frame says itself when, and for how long, it was exposed: "auto" where the camera
+  /// has chunk data and its images keep their size with them, "on", "off".
+  std::string chunks = "auto";
+  /// Its clock follows a master on the network (IEEE 1588); opening waits until it does.
+  bool ptp = false;
+  double ptp_timeout = 15;  ///< s
   /// s, from the end of the exposure to the first packet; by data sheet, or by a lamp that is
   /// switched.
   double readout = 0;
@@ -55,10 +61,11 @@ struct Settings {
 /// it is named), {lost}.
 ///
 /// Automatic exposure, gain and white balance are switched off, gamma is 1, triggers are off unless
-/// they are asked for. A frame's `exposed` is by the camera's own clock where it has one: by latch
-/// (the camera is asked for its time once a second, and the exposure is where the stamp says), else
-/// by the earliest of its arrivals, which is the end of the exposure and `readout`. A camera
-/// without a clock: by each arrival.
+/// they are asked for. Begin and length of a frame's exposure are those of its chunk data where it
+/// has such, else its leader's stamp and the exposure that was read back last. A frame's `exposed`
+/// is by the camera's own clock where it has one: by latch (the camera is asked for its time once a
+/// second, and the exposure is where the stamp says), else by the earliest of its arrivals, which
+/// is the end of the exposure and `readout`. A camera without a clock: by each arrival.
 ///
 /// grab() throws DeviceError{lost} when the camera has been silent for 0.45 s or five frames,
 /// whatever is longer; one that waits for a trigger may be silent. A camera that was lost stays

@@ -9,10 +9,7 @@
 #include <optional>
 
 namespace vitreo::genicam {
-namespace {
-
-/// Hz of GigE Vision 1's counter; its bootstrap registers hold it in two words where no feature
-/// does. 0: unknown.
+// Bootstrap registers hold it in two words where no feature does.
 double tick_frequency(ArvCamera* camera, const Features& features) {
   if (const auto text = features.value_of("GevTimestampTickFrequency"))
     return std::strtod(text->c_str(), nullptr);  // of what is no number 0
@@ -29,8 +26,6 @@ double tick_frequency(ArvCamera* camera, const Features& features) {
   g_error_free(error);
   return 0;
 }
-
-}  // namespace
 
 // SFNC's value is in ns, GigE Vision 1's in ticks.
 Latch::Latch(ArvCamera* camera, const Features& features) : features_(features) {

@@ -10,6 +10,9 @@
 
 namespace vitreo::genicam {
 
+/// Hz of the counter that a GigE Vision camera stamps with; 0: unknown, or ns.
+double tick_frequency(ArvCamera* camera, const Features& features);
+
 class Latch {
  public:
   /// Looks which names the camera has for it: SFNC's, or GigE Vision 1's. Outside the baton.

@@ -33,10 +33,12 @@ class LedLamp final : public Lamp {
     outputs_->set_currents(currents);
   }
   double level() const override { return level_; }
+  void ask() override { outputs_->measured_currents(); }
   void make_safe() override {
     outputs_->make_safe();
     level_ = 0;
   }
+  EnableLine* enable_line() override { return outputs_->enable_line(); }
 
  private:
   std::unique_ptr<CoilAmplifier> outputs_;  // its destruction leaves its outputs at zero

@@ -45,7 +45,6 @@ class Logger final : public CurrentSensor {
   std::string ask(const std::string& question, Time timeout);
   Identity identify();
   Identity configure();
-  void be_open();
   std::vector<double> currents_of(const std::string& answer) const;
 
   const Settings settings_;
@@ -110,23 +109,9 @@ Identity Logger::configure() {
   return who;
 }
 
-/// After a lost link: half configured counts as lost, and another instrument is refused.
-void Logger::be_open() {
-  if (!dialogue_.lost()) return;
-  dialogue_.reopen();
-  try {
-    const Identity now = configure();
-    if (now.name != info_.identity.name || now.serial != info_.identity.serial)
-      dialogue_.fail(DeviceErrorKind::not_found, "now there is a " + to_string(now));
-  } catch (const DeviceError&) {
-    dialogue_.abandon();
-    throw;
-  }
-}
-
 std::vector<double> Logger::measure(Time timeout) {
   const Dialogue::Turn turn(dialogue_);
-  be_open();
+  dialogue_.be_open(info_.identity, [this] { return configure(); });
   return currents_of(ask("READ?", timeout));
 }
 

@@ -33,7 +33,6 @@ class Probe final : public FieldProbe {
   std::string ask(const std::string& question, Time timeout);
   void send(const std::string& line);
   Identity configure();
-  void be_open();
 
   const Settings settings_;
   Dialogue dialogue_;
@@ -94,26 +93,12 @@ Identity Probe::configure() {
   return *who;
 }
 
-/// After a lost link: half configured counts as lost, and another instrument is refused.
-void Probe::be_open() {
-  if (!dialogue_.lost()) return;
-  dialogue_.reopen();
-  try {
-    const Identity now = configure();
-    if (now.name != info_.identity.name || now.serial != info_.identity.serial)
-      dialogue_.fail(DeviceErrorKind::not_found, "now there is a " + to_string(now));
-  } catch (const DeviceError&) {
-    dialogue_.abandon();
-    throw;
-  }
-}
-
 /// The instrument measures between the question's end and the answer's first byte; when in between
 /// it does not say, so the reading is of the middle, within half of that.
 /// Overload is told by a number of its own (kOverload), before the unit is applied to it.
 FieldReading Probe::measure(Time timeout) {
   const Dialogue::Turn turn(dialogue_);
-  be_open();
+  dialogue_.be_open(info_.identity, [this] { return configure(); });
   const std::string said = ask(settings_.question, timeout);
   const auto field = decode_field(said, static_cast<std::size_t>(settings_.axes));
   if (!field)

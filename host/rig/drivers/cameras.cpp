@@ -62,6 +62,9 @@ void read_genicam_extras(ConfigReader& reader, genicam::Settings& settings) {
   settings.stamps_the_end = reader.choice("stamps", "exposure_start",
                                           {"exposure_start", "exposure_end"}) == "exposure_end";
   settings.readout = reader.number("readout", settings.readout, {0, 10, "s"});
+  settings.chunks = reader.choice("chunks", settings.chunks, {"auto", "on", "off"});
+  settings.ptp = reader.flag("ptp", settings.ptp);
+  settings.ptp_timeout = reader.number("ptp_timeout", settings.ptp_timeout, {0.1, 600, "s"});
 }
 
 }  // namespace

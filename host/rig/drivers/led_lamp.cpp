@@ -22,6 +22,7 @@ Opener<Lamp> read_led_lamp(const InstrumentReader& instrument) {
   outputs.amperes_per_volt = reader.number("amperes_per_volt", 0.1, {1e-3, 10, ""});
   outputs.reply_timeout = reader.number("reply_timeout", outputs.reply_timeout, {1e-3, 5, "s"});
   if (reader.has("enable_line")) outputs.enable_line = reader.integer("enable_line", 0, 0, 7);
+  outputs.heartbeat = outputs.enable_line && reader.has("heartbeat");
   led_lamp::Settings lamp;
   lamp.name = instrument.role;
   lamp.output = reader.integer("output", lamp.output, 0, usb3103::kChannels - 1);

@@ -152,6 +152,102 @@ TEST_F(GigeDouble, KnowsWhenAFrameWasExposedThoughItsPacketsJitterByTwentyMillis
   }
 }
 
+/// Frames are looked up by their leader's stamp; the exposure is the frame's own.
+double off_by(const Frame& frame, const Json& truth, double zero_ns) {
+  const double middle = truth["start_ns"].get<double>() / 2 + truth["end_ns"].get<double>() / 2;
+  return std::abs(static_cast<double>(frame.exposed.count()) + zero_ns - middle) * 1e-6;
+}
+
+// The leader's stamp is of the end of the readout, as some makers have it; the chunk's is of the
+// exposure's begin by definition. And the exposure is changed while frames are on their way.
+TEST_F(GigeDouble, SaysInItsChunkDataWhenAndForHowLongAFrameWasExposed) {
+  for (const char* const names : {"new", "old"}) {
+    DoubleProcess camera = serve(
+        {"jitter=uniform", "drift_ppm=50", "stamp_at=readout", std::string("names=") + names});
+    const auto driver = open(small(), *clock);
+    for (int i = 0; i < 100; ++i) driver->grab(5s);  // 2 s to learn
+    std::vector<Frame> frames;
+    for (int i = 0; i < 100; ++i) {
+      if (i % 20 == 10)
+        driver->set_feature(std::string(names) == "new" ? "ExposureTime" : "ExposureTimeAbs",
+                            i % 40 == 10 ? "12000" : "2000");
+      frames.push_back(driver->grab(5s));
+    }
+    const double zero_ns = monotonic_zero_ns(*clock);
+    const auto truth = frames_of(camera);
+    Errors errors;
+    std::map<std::int64_t, int> lengths;
+    for (const Frame& frame : frames) {
+      // The nearest in time: frames are 20 ms apart, and none is off by half of that.
+      const Json* nearest = nullptr;
+      for (const auto& [ticks, one] : truth)
+        if (nearest == nullptr || off_by(frame, one, zero_ns) < off_by(frame, *nearest, zero_ns))
+          nearest = &one;
+      ASSERT_NE(nearest, nullptr);
+      errors.all.push_back(off_by(frame, *nearest, zero_ns));
+      ++lengths[std::llround((*nearest)["exposure_us"].get<double>())];
+    }
+    std::printf(
+        "by chunk data (%s names): exposure known to %.3f ms (median), %.3f (worst of %zu)\n",
+        names, errors.median(), errors.largest(), frames.size());
+    EXPECT_GE(lengths.size(), 3U) << "the exposure was not changed, and nothing was tested";
+    EXPECT_LT(errors.largest(), 0.3);
+    EXPECT_LT(errors.median(), 0.1);
+  }
+}
+
+TEST_F(GigeDouble, WithChunkDataInWhichAnImageHasNoSizeIsRefusedByName) {
+  const DoubleProcess camera = serve({"chunk_payload=chunk"});
+  Settings settings = small();
+  settings.chunks = "on";
+  const auto driver = open(settings, *clock);
+  try {
+    driver->grab(5s);
+    FAIL() << "a frame without a size";
+  } catch (const DeviceError& error) {
+    EXPECT_NE(std::string(error.what()).find("chunks"), std::string::npos) << error.what();
+  }
+}
+
+TEST_F(GigeDouble, WithoutChunkDataIsTheSameButForTheExposuresOnTheirWay) {
+  const DoubleProcess camera = serve();
+  Settings settings = small();
+  settings.chunks = "off";
+  const auto driver = open(settings, *clock);
+  EXPECT_TRUE(driver->grab(5s).device);
+  EXPECT_EQ(driver->feature("ChunkModeActive"), "false");
+}
+
+TEST_F(GigeDouble, FollowsAMastersClockBeforeItsFirstFrame) {
+  for (const char* const names : {"new", "old"}) {
+    const DoubleProcess camera =
+        serve({"ptp_lock_time=1", "ptp_error=0.000001", std::string("names=") + names});
+    Settings settings = small();
+    settings.ptp = true;
+    const auto driver = open(settings, *clock);
+    std::map<std::string, std::string> said(driver->info().settings.begin(),
+                                            driver->info().settings.end());
+    EXPECT_EQ(said[std::string(names) == "new" ? "PtpStatus" : "GevIEEE1588Status"], "Slave");
+    if (std::string(names) == "new") {
+      EXPECT_EQ(said["PtpOffsetFromMaster"], "1000");
+    }
+    const Frame frame = driver->grab(5s);
+    // TAI is 37 s ahead of the computer's wall clock.
+    const auto wall = std::chrono::system_clock::now().time_since_epoch();
+    EXPECT_NEAR(to_seconds(*frame.device), std::chrono::duration<double>(wall).count() + 37, 0.5);
+    EXPECT_LT(clock->now() - frame.exposed, 500ms);
+  }
+}
+
+TEST_F(GigeDouble, WithoutAMasterOnItsNetworkIsRefusedWithItsStatus) {
+  const DoubleProcess camera = serve({"ptp_lock_time=100"});
+  Settings settings = small();
+  settings.ptp = true;
+  settings.ptp_timeout = 0.5;
+  const std::string said = refused(settings);
+  EXPECT_NE(said.find("ptp: its clock is Listening"), std::string::npos) << said;
+}
+
 TEST_F(GigeDouble, WithoutAClockIsDatedByItsArrival) {
   const DoubleProcess camera = serve({"tick_frequency=0"});
   const auto driver = open(small(), *clock);
