@@ -4,7 +4,7 @@
 #pragma once
 
 #include "devices/links/usb_link.h"
-#include "devices/testbed/usb_testbed.h"
+#include "devices/testbed/input_node.h"
 
 #include <cstdint>
 #include <optional>

@@ -7,9 +7,9 @@
 #include "devices/links/hid_link.h"
 #include "devices/links/usb_frames.h"
 #include "devices/links/usb_link.h"
+#include "devices/testbed/input_node.h"
 #include "devices/time/clock.h"
 
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -28,29 +28,6 @@ enum class UsbFault {
 
 /// Usage page of HID devices that are none of the standard's kinds: the makers' own.
 constexpr int kVendorUsage = 0xFF00;
-
-/// A node of the kernel's input system, by the numbers of linux/input-event-codes.h.
-struct InputNode {
-  struct Axis {
-    int code = 0;
-    int value = 0;
-    int minimum = 0;
-    int maximum = 0;
-    int flat = 0;
-  };
-  std::string name;
-  std::string serial;
-  std::uint16_t vendor = 0;
-  std::uint16_t product = 0;
-  std::vector<Axis> axes;
-  std::vector<int> keys;
-  std::vector<int> held;  ///< of the keys
-};
-struct InputEvent {
-  int type = 0;
-  int code = 0;
-  int value = 0;
-};
 
 class UsbTestbed {
  public:
