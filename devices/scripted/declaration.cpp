@@ -152,10 +152,27 @@ Checksum read_checksum(TableReader& reader) {
   reader.fail("checksum", "must be sum8, xor8, lrc, crc16_modbus or crc16_xmodem");
 }
 
+// modbus = { unit = 1, framing = "tcp" }: messages are PDUs, their frames the host's.
+bool read_modbus(TableReader& link, Framing& framing) {
+  auto modbus = link.table("modbus");
+  if (!modbus) return false;
+  for (const char* other : {"terminator", "message", "echo"})
+    if (link.has(other)) link.fail(other, "is not of Modbus, and modbus is there too");
+  framing.kind = Framing::Kind::modbus;
+  framing.send_end.clear();
+  framing.unit = static_cast<std::uint8_t>(modbus->number("unit", 1, 247).value_or(1));
+  const std::string name = modbus->text("framing", "rtu");
+  if (name != "rtu" && name != "tcp") modbus->fail("framing", "must be rtu or tcp");
+  framing.modbus = name == "rtu" ? modbus::Framing::rtu : modbus::Framing::tcp;
+  modbus->finish();
+  return true;
+}
+
 // terminator = "\r\n", or message = { length = 7 }, { header = 6, rest = function(header) ... },
 // { start = "\2", stop = "\3" }, { quiet = 0.02 }.
 Framing read_framing(TableReader& link) {
   Framing framing;
+  if (read_modbus(link, framing)) return framing;
   const std::string both = link.text("terminator", "\n");
   framing.send_end = link.text("send_terminator", both);
   framing.receive_end = link.text("receive_terminator", both);
@@ -187,15 +204,18 @@ Framing read_framing(TableReader& link) {
   return framing;
 }
 
-/// Which of the names it is; the first one where the key is not there.
-std::size_t choice(TableReader& reader, const std::string& key,
-                   const std::vector<std::string>& names) {
-  const std::string name = reader.text(key, names.front());
+/// One of an enumeration whose names are in its order.
+template <class Enum>
+Enum read_enum(TableReader& reader, const std::string& key, const std::vector<std::string>& names,
+               Enum usual) {
+  const std::string name = reader.text(key, names[static_cast<std::size_t>(usual)]);
   const auto found = std::find(names.begin(), names.end(), name);
-  if (found != names.end()) return static_cast<std::size_t>(found - names.begin());
-  std::string all;
-  for (const std::string& one : names) all += (all.empty() ? "" : ", ") + one;
-  reader.fail(key, "must be one of " + all);
+  if (found == names.end()) {
+    std::string all;
+    for (const std::string& one : names) all += (all.empty() ? "" : ", ") + one;
+    reader.fail(key, "must be one of " + all);
+  }
+  return static_cast<Enum>(found - names.begin());
 }
 
 LinkDeclaration read_link(TableReader& all) {
@@ -208,10 +228,10 @@ LinkDeclaration read_link(TableReader& all) {
       static_cast<int>(reader->number("baud_rate", 50, 4e6).value_or(serial.baud_rate));
   serial.data_bits = static_cast<int>(reader->number("data_bits", 5, 8).value_or(8));
   serial.stop_bits = static_cast<int>(reader->number("stop_bits", 1, 2).value_or(1));
-  serial.parity = static_cast<Parity>(choice(*reader, "parity", parity_names()));
-  set_flow(serial, flow_names()[choice(*reader, "flow", flow_names())]);
+  serial.parity = read_enum(*reader, "parity", parity_names(), serial.parity);
+  set_flow(serial, flow_names()[read_enum(*reader, "flow", flow_names(), std::size_t{0})]);
   serial.opening_lines =
-      static_cast<OpeningLines>(choice(*reader, "opening_lines", opening_lines_names()));
+      read_enum(*reader, "opening_lines", opening_lines_names(), serial.opening_lines);
   link.framing = read_framing(*reader);
   link.timeout = reader->seconds("timeout", 1, kLongestAnswer);
   link.pause = reader->seconds("pause", 0, 10);
@@ -251,10 +271,14 @@ std::map<std::string, std::string> read_choices(TableReader& reader) {
 }
 
 QuantityInfo read_quantity(TableReader& reader, const std::string& name, const DeclaredUnit& unit,
-                           const std::map<std::string, std::string>& choices) {
+                           const std::map<std::string, std::string>& choices,
+                           const RegisterDeclaration* held = nullptr) {
   QuantityInfo info;
   info.name = name;
-  info.type = read_type(reader, !choices.empty());
+  if (held == nullptr)
+    info.type = read_type(reader, !choices.empty());
+  else if (held->format == RegisterFormat::flag)
+    info.type = QuantityType::flag;
   info.unit = unit.si;
   info.help = reader.text("help", "");
   const auto min = reader.number("min", -kHuge, kHuge);
@@ -266,16 +290,65 @@ QuantityInfo read_quantity(TableReader& reader, const std::string& name, const D
   return info;
 }
 
+// register = 0x0106, type = "i32", scale = 0.1, set = true: no message has to be written.
+std::optional<RegisterDeclaration> read_register(TableReader& reader) {
+  const auto address = reader.number("register", 0, 65535);
+  if (!address) return std::nullopt;
+  RegisterDeclaration held{.address = static_cast<int>(*address)};
+  static const std::vector<std::string> tables{"coil", "discrete_input", "holding", "input"};
+  static const std::vector<std::string> formats{"flag", "u16", "i16", "u32", "i32", "f32"};
+  static const std::vector<std::string> orders{"high_first", "low_first"};
+  held.table = read_enum(reader, "table", tables, held.table);
+  const bool bit = held.table == RegisterTable::coil || held.table == RegisterTable::discrete_input;
+  held.format =
+      read_enum(reader, "type", formats, bit ? RegisterFormat::flag : RegisterFormat::u16);
+  if (bit && held.format != RegisterFormat::flag)
+    reader.fail("type", "must be flag: a coil and a discrete input are one bit");
+  held.low_word_first = read_enum(reader, "words", orders, 0) == 1;
+  held.scale = reader.number("scale", -kHuge, kHuge).value_or(1);
+  if (held.scale == 0) reader.fail("scale", "must not be 0");
+  return held;
+}
+
+/// Where a register is asked for and set by the host; a function of the file may do either.
+void read_register_actions(TableReader& reader, PropertyDeclaration& property) {
+  const auto wanted = [&](const char* key, bool usual) -> std::optional<Action> {
+    if (!reader.has(key)) return usual ? std::optional<Action>(std::string()) : std::nullopt;
+    try {
+      if (!reader.flag(key, false)) return std::nullopt;
+      return std::string();
+    } catch (const ScriptFault&) {
+      return reader.function(key);
+    }
+  };
+  const RegisterDeclaration& held = *property.held;
+  if (const auto ask = wanted("ask", true))
+    property.ask = std::holds_alternative<std::string>(*ask) ? Action(read_request(held)) : *ask;
+  if (const auto set = wanted("set", false)) property.set = *set;
+  const bool by_host = std::holds_alternative<std::string>(property.set);
+  if (by_host &&
+      (held.table == RegisterTable::discrete_input || held.table == RegisterTable::input))
+    reader.fail("set", "cannot be: such a register can only be read");
+}
+
 PropertyDeclaration read_property(TableReader& all, const std::string& name,
-                                  const UnitLookup& units) {
+                                  const UnitLookup& units, const Framing& framing) {
   check_name(all, name);
   auto reader = all.table(name);
   PropertyDeclaration property;
   property.unit = read_unit(*reader, units);
-  property.choices = read_choices(*reader);
-  property.info = read_quantity(*reader, name, property.unit, property.choices);
-  property.ask = reader->action("ask");
-  property.set = reader->action("set");
+  property.held = read_register(*reader);
+  if (property.held && framing.kind != Framing::Kind::modbus)
+    reader->fail("register", "is of Modbus: link = { modbus = { unit = 1 } }");
+  if (!property.held) property.choices = read_choices(*reader);
+  property.info = read_quantity(*reader, name, property.unit, property.choices,
+                                property.held ? &*property.held : nullptr);
+  if (property.held) {
+    read_register_actions(*reader, property);
+  } else {
+    property.ask = reader->action("ask");
+    property.set = reader->action("set");
+  }
   property.answer = reader->text("answer", "");
   property.expects = reader->text("expects", "");
   property.info.every = reader->seconds("every", 0, 3600);
@@ -421,6 +494,7 @@ void read_identity(TableReader& all, Declaration& declaration) {
   declaration.identity = reader->action("ask");
   if (!is_there(declaration.identity)) reader->fail("ask", "is missing");
   declaration.identity_match = reader->text("match", "");
+  declaration.identity_tries = static_cast<int>(reader->number("tries", 1, 3).value_or(1));
   declaration.identity_fields = reader->texts("fields");
   for (const std::string& field : declaration.identity_fields)
     if (field != "name" && field != "serial" && field != "firmware" && field != "_")
@@ -518,7 +592,8 @@ Declaration read(Sandbox& sandbox, const UnitLookup& units) {
   read_make_safe(all, declaration);
   if (auto properties = all.table("properties"))
     for (const std::string& name : properties->keys())
-      declaration.properties.push_back(read_property(*properties, name, units));
+      declaration.properties.push_back(
+          read_property(*properties, name, units, declaration.link.framing));
   if (auto commands = all.table("commands"))
     for (const std::string& name : commands->keys())
       declaration.commands.push_back(read_command(*commands, name, units));

@@ -6,6 +6,7 @@
 #include "devices/links/serial_link.h"
 #include "devices/roles/instrument.h"
 #include "devices/scripted/framing.h"
+#include "devices/scripted/registers.h"
 #include "devices/scripted/sandbox.h"
 
 #include <cstddef>
@@ -66,6 +67,7 @@ struct PropertyDeclaration {
   std::string answer{};   ///< Lua pattern whose capture is the value; empty: the usual one
   std::string expects{};  ///< Lua pattern that the answer to `set` has; empty: there is no answer
   std::map<std::string, std::string> choices{};  ///< name: what the instrument calls it
+  std::optional<RegisterDeclaration> held{};     ///< it is a Modbus register
 };
 
 struct CommandDeclaration {
@@ -98,7 +100,8 @@ struct Declaration {
   Action identity{};
   std::string identity_match{};
   std::vector<std::string> identity_fields{};  ///< name, serial, firmware: of its captures
-  std::vector<std::string> setup{};            ///< messages after the identity is known
+  int identity_tries = 1;  ///< of an instrument whose first answer after power-up is another one
+  std::vector<std::string> setup{};  ///< messages after the identity is known
   Reference start_up{};
   Action errors{};  ///< asked after each command: a message whose answer must have `no_error`
   std::string no_error{};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/scripted/emulator.h"
 
+#include "devices/links/modbus_emulator.h"
 #include "devices/links/printable.h"
 #include "devices/scripted/checksum.h"
 #include "devices/scripted/conversion.h"
@@ -40,7 +41,7 @@ local kind = { __index = methods }
 return function() return setmetatable({ now = 0, glides = {}, planned = {} }, kind) end
 )";
 
-class ScriptedEmulator final : public Emulator {
+class ScriptedEmulator final : public Emulator, private modbus::Store {
  public:
   ScriptedEmulator(Loaded loaded, Surroundings surroundings)
       : loaded_(std::move(loaded)), surroundings_(std::move(surroundings)) {
@@ -49,6 +50,7 @@ class ScriptedEmulator final : public Emulator {
   }
 
   void receive(std::span<const std::uint8_t> bytes, Time now) override {
+    if (modbus_) return modbus_->receive(bytes, now);
     for (const std::uint8_t byte : bytes) {
       heard_.push_back(static_cast<char>(byte));
       heard_at_ = now;
@@ -56,6 +58,7 @@ class ScriptedEmulator final : public Emulator {
     }
   }
   std::vector<TimedBytes> say(Time now) override {
+    if (modbus_) return modbus_->say(now);
     end_of_silence(now);
     std::vector<TimedBytes> said;
     while (!planned_.empty() && planned_.front().at <= now) {
@@ -65,6 +68,7 @@ class ScriptedEmulator final : public Emulator {
     return said;
   }
   Time next() const override {
+    if (modbus_) return modbus_->next();
     Time first = planned_.empty() ? kForever : planned_.front().at;
     if (framing().kind == Framing::Kind::quiet && !heard_.empty())
       first = std::min(first, later(heard_at_, framing().quiet));
@@ -73,6 +77,7 @@ class ScriptedEmulator final : public Emulator {
   void power_cycle(Time now) override {
     heard_.clear();
     planned_.clear();
+    if (modbus_) modbus_->power_cycle(now);
     power_up(now);
   }
 
@@ -126,11 +131,96 @@ class ScriptedEmulator final : public Emulator {
         lua_pop(stack(), 1);
       }
     }
-    if (exact_.empty() && patterns_.empty() && !message_)
+    read_registers(reader);
+    if (exact_.empty() && patterns_.empty() && !message_ && !modbus_)
       reader.fail("answers", "neither answers nor message is there");
     reader.finish();
     sandbox().run(kPrelude);
     make_state_ = Reference(stack());
+  }
+
+  /// registers = { temperature = function(e) return 20 end, set_point = 25 }: by the names of
+  /// properties, in their units. What is written stands in the state, e.set_point.
+  void read_registers(TableReader& reader) {
+    if (framing().kind != Framing::Kind::modbus) return;
+    auto registers = reader.table("registers");
+    if (!registers) reader.fail("registers", "is missing: { set_point = 25, ... }");
+    for (const PropertyDeclaration& one : loaded_.declaration.properties) {
+      if (!one.held || !registers->has(one.info.name)) continue;
+      try {
+        held_[one.info.name] = *registers->value(one.info.name);
+      } catch (const ScriptFault&) {
+        held_[one.info.name] = registers->function(one.info.name);
+      }
+    }
+    registers->finish();
+    modbus_ = modbus::make_emulator(
+        *this, {.framing = framing().modbus, .unit = framing().unit, .delay = delay_});
+  }
+
+  static modbus::Table table_of(RegisterTable table) {
+    return table == RegisterTable::coil             ? modbus::Table::coils
+           : table == RegisterTable::discrete_input ? modbus::Table::discrete_inputs
+           : table == RegisterTable::input          ? modbus::Table::input_registers
+                                                    : modbus::Table::holding_registers;
+  }
+  const PropertyDeclaration* property_at(modbus::Table table, std::uint16_t address) const {
+    for (const PropertyDeclaration& one : loaded_.declaration.properties)
+      if (one.held && held_.contains(one.info.name) && table_of(one.held->table) == table &&
+          address >= one.held->address && address < one.held->address + width_of(*one.held))
+        return &one;
+    return nullptr;
+  }
+  std::optional<std::vector<std::uint16_t>> words(const PropertyDeclaration& property, Time now) {
+    std::optional<QuantityValue> value;
+    attempt(now, [&] {
+      const auto& entry = held_.at(property.info.name);
+      if (const auto* function = std::get_if<Reference>(&entry)) {
+        function->push();
+        state_.push();
+        sandbox().call(1, 1);
+        value = quantity_at(stack(), -1);
+        lua_pop(stack(), 1);
+      } else {
+        state_.push();
+        lua_pushstring(stack(), property.info.name.c_str());
+        lua_rawget(stack(), -2);
+        value = quantity_at(stack(), -1);
+        lua_pop(stack(), 2);
+      }
+      if (!value)
+        throw ScriptFault(sandbox().file() + ": emulator.registers." + property.info.name +
+                          ": gives no value");
+    });
+    try {
+      return value ? std::optional(words_of(*property.held, *value)) : std::nullopt;
+    } catch (const std::out_of_range&) {
+      return std::nullopt;
+    }
+  }
+  std::optional<std::uint16_t> read(modbus::Table table, std::uint16_t address, Time now) override {
+    const PropertyDeclaration* const property = property_at(table, address);
+    const auto all = property == nullptr ? std::nullopt : words(*property, now);
+    if (!all) return std::nullopt;
+    return (*all)[static_cast<std::size_t>(address - property->held->address)];
+  }
+  std::uint8_t write(modbus::Table table, std::uint16_t address, std::uint16_t value,
+                     Time now) override {
+    constexpr std::uint8_t kNoAddress = 2, kNoValue = 3;
+    const PropertyDeclaration* const property = property_at(table, address);
+    auto all = property == nullptr ? std::nullopt : words(*property, now);
+    if (!all || !is_there(property->set)) return kNoAddress;
+    (*all)[static_cast<std::size_t>(address - property->held->address)] = value;
+    const auto held = value_of_words(*property->held, *all);
+    if (!held) return kNoValue;
+    put(property->info.name, *held);
+    return 0;
+  }
+  void put(const std::string& name, const QuantityValue& value) {
+    state_.push();
+    push_quantity(stack(), value);
+    set(name.c_str());
+    lua_pop(stack(), 1);
   }
 
   void power_up(Time now) {
@@ -138,6 +228,8 @@ class ScriptedEmulator final : public Emulator {
     make_state_.push();
     sandbox().call(0, 1);
     state_ = Reference(stack());
+    for (const auto& [name, entry] : held_)
+      if (const auto* value = std::get_if<QuantityValue>(&entry)) put(name, *value);
     attempt(now, [&] {
       if (!power_up_) return;
       power_up_.push();
@@ -249,8 +341,9 @@ class ScriptedEmulator final : public Emulator {
         message = heard_.substr(0, heard_.size() - 1);
         message = message.substr(std::min(message.size(), message.rfind(frame.start) + 1));
         break;
-      case Framing::Kind::quiet:
-        return std::nullopt;  // end_of_silence()
+      case Framing::Kind::quiet:   // end_of_silence()
+      case Framing::Kind::modbus:  // modbus_
+        return std::nullopt;
     }
     heard_.clear();
     return checked(std::move(message));
@@ -316,6 +409,8 @@ class ScriptedEmulator final : public Emulator {
   Reference power_up_, message_, position_, make_state_, state_;
   std::map<std::string, Action> exact_;
   std::vector<std::pair<std::string, Reference>> patterns_;
+  std::map<std::string, std::variant<QuantityValue, Reference>> held_;
+  std::unique_ptr<BytePeer> modbus_;  // null: another wire
   Time delay_{};
   std::string heard_;
   Time heard_at_{};

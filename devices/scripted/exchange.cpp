@@ -59,7 +59,8 @@ void Exchange::send(std::string_view message) {
   const LinkDeclaration& link = declaration().link;
   Clock& clock = dialogue_.clock();
   if (link.pause > Time::zero() && sent_before_) clock.sleep_until(later(sent_, link.pause));
-  const std::string whole = framed(link.framing, std::string(message));
+  const std::string whole = framed(link.framing, std::string(message), ++transaction_);
+  function_ = message.empty() ? '\0' : message.front();
   dialogue_.send(whole);
   sent_ = clock.now();
   sent_before_ = true;
@@ -89,6 +90,50 @@ std::string Exchange::until(const std::string& end, Time deadline) {
   return message;
 }
 
+/// Its first bytes say how many follow; a function of which they do not ends with a silence.
+std::string Exchange::rtu_answer(Time deadline) {
+  constexpr Time kEnd = std::chrono::milliseconds(20);
+  std::string frame = take(3, deadline);
+  const auto size = modbus::rtu_answer_size(bytes(frame));
+  if (size && *size > frame.size()) frame += take(*size - frame.size(), deadline);
+  if (!size)
+    while (const auto byte = dialogue_.next(later(dialogue_.clock().now(), kEnd)))
+      frame.push_back(static_cast<char>(*byte));
+  if (frame.size() < 4 || !modbus::has_right_crc(bytes(frame)))
+    dialogue_.fail(DeviceErrorKind::protocol,
+                   "the checksum of its message is wrong: " + printable(frame));
+  if (static_cast<std::uint8_t>(frame[0]) != declaration().link.framing.unit)
+    dialogue_.fail(DeviceErrorKind::protocol, "another unit answers: " + printable(frame));
+  return frame.substr(1, frame.size() - 3);
+}
+
+/// Answers to older questions have another transaction, and are passed over.
+std::string Exchange::tcp_answer(Time deadline) {
+  for (;;) {
+    const std::string header = take(modbus::kMbap, deadline);
+    const auto mbap = modbus::parse_mbap(bytes(header));
+    if (!mbap) dialogue_.fail(DeviceErrorKind::protocol, "not Modbus: " + printable(header));
+    std::string pdu = take(mbap->pdu_size, deadline);
+    if (mbap->transaction == transaction_) return pdu;
+  }
+}
+
+/// The PDU of the answer to the last question; an exception is a refusal.
+std::string Exchange::modbus_answer(Time deadline) {
+  const bool tcp = declaration().link.framing.modbus == modbus::Framing::tcp;
+  unsure_ = true;
+  std::string pdu = tcp ? tcp_answer(deadline) : rtu_answer(deadline);
+  const auto function = static_cast<std::uint8_t>(pdu.empty() ? '\0' : pdu.front());
+  if (pdu.size() == 2 && function == (static_cast<std::uint8_t>(function_) | modbus::kException)) {
+    unsure_ = false;
+    dialogue_.fail(DeviceErrorKind::refused,
+                   "it answers: " + modbus::exception_name(static_cast<std::uint8_t>(pdu[1])));
+  }
+  if (function != static_cast<std::uint8_t>(function_))
+    dialogue_.fail(DeviceErrorKind::protocol, "it answers another question: " + printable(pdu));
+  return pdu;
+}
+
 /// One message as it is on the wire, without its frame but with its checksum.
 std::string Exchange::unframed(Time deadline) {
   const Framing& framing = declaration().link.framing;
@@ -116,6 +161,8 @@ std::string Exchange::unframed(Time deadline) {
       until(framing.start, deadline);  // what is in front of it belongs to no message
       return until(framing.stop, deadline);
     }
+    case Framing::Kind::modbus:
+      return modbus_answer(deadline);
     case Framing::Kind::quiet:
       break;
   }
@@ -198,7 +245,7 @@ Identity Exchange::identify() {
       dialogue_.fail(DeviceErrorKind::not_found, "this is no " + all.title);
     return identity;
   }
-  const std::string said = ask(std::get<std::string>(all.identity), all.link.timeout);
+  std::string said = ask(std::get<std::string>(all.identity), all.link.timeout);
   if (all.identity_match.empty()) {
     const auto who = scpi::identity(said);
     if (!who)
@@ -206,7 +253,11 @@ Identity Exchange::identify() {
                      "this is no " + all.title + ": " + printable(said));
     return *who;
   }
-  const auto found = captures(sandbox(), said, all.identity_match);
+  auto found = captures(sandbox(), said, all.identity_match);
+  for (int i = 1; !found && i < all.identity_tries; ++i) {
+    said = ask(std::get<std::string>(all.identity), all.link.timeout);
+    found = captures(sandbox(), said, all.identity_match);
+  }
   if (!found)
     dialogue_.fail(DeviceErrorKind::not_found, "this is no " + all.title + ": " + printable(said));
   identity.name = all.title;

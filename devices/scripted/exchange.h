@@ -83,6 +83,9 @@ class Exchange : public Operations {
   [[noreturn]] void break_down(const ScriptFault& fault);
   std::string unframed(Time deadline);
   std::string take(std::size_t count, Time deadline);
+  std::string modbus_answer(Time deadline);
+  std::string rtu_answer(Time deadline);
+  std::string tcp_answer(Time deadline);
   std::string until(const std::string& end, Time deadline);
   void drop_echo(std::string_view sent, Time deadline);
   void hand_over(const std::string& message);
@@ -99,6 +102,8 @@ class Exchange : public Operations {
   bool broken_ = false;
   std::string fault_;
   Time sent_{};
+  std::uint16_t transaction_ = 0;  // of Modbus on TCP, counted up
+  char function_ = 0;              // of Modbus, what was asked last
   bool sent_before_ = false;
   Time asked_{};
   Time answered_{};

@@ -2,18 +2,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/links/modbus_frames.h"
 #include "devices/scripted/checksum.h"
 #include "devices/scripted/sandbox.h"
 #include "devices/time/clock.h"
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 
 namespace vitreo::scripted {
 
 /// Where one message ends and the next begins.
 struct Framing {
-  enum class Kind { line, fixed, header, brackets, quiet };
+  enum class Kind { line, fixed, header, brackets, quiet, modbus };
   Kind kind = Kind::line;
   bool plain_send = false;  ///< what is sent ends with send_end, whatever the answers are framed by
   std::string send_end = "\n";     ///< of lines
@@ -22,12 +24,16 @@ struct Framing {
   Reference rest{};                ///< function(header): how many bytes follow it
   std::string start{}, stop{};     ///< of brackets, one byte each
   Time quiet{};                    ///< silence that ends a message
+  modbus::Framing modbus = modbus::Framing::rtu;
+  std::uint8_t unit = 1;  ///< of Modbus; a message is a PDU there: function and data
   Checksum checksum = Checksum::none;
   std::size_t most = 4096;  ///< bytes of a message
 };
 
-/// A message as it is sent, and as the instrument sends it: with checksum and frame.
-std::string framed(const Framing& framing, const std::string& message);
+/// A message as it is sent, and as the instrument sends it: with checksum and frame. `transaction`
+/// is of Modbus on TCP.
+std::string framed(const Framing& framing, const std::string& message,
+                   std::uint16_t transaction = 0);
 std::string framed_answer(const Framing& framing, const std::string& message);
 
 }  // namespace vitreo::scripted

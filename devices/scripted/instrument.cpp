@@ -56,6 +56,7 @@ class ScriptedInstrument final : public Instrument {
   Exchange& exchange() { return connection_.exchange(); }
   const std::string& name() { return connection_.dialogue().device(); }
   void confirm(const std::string& expects);
+  void write_register(const PropertyDeclaration& property, const QuantityValue& declared);
   QuantityValue converted(const PropertyDeclaration& property, const QuantityValue& said);
 
   Clock& clock_;
@@ -71,6 +72,14 @@ QuantityValue ScriptedInstrument::converted(const PropertyDeclaration& property,
                                             const QuantityValue& said) {
   const auto* const text = std::get_if<std::string>(&said);
   const bool from_function = std::holds_alternative<Reference>(property.ask);
+  if (property.held && !from_function) {
+    const auto value = text == nullptr ? std::nullopt : value_in(*property.held, *text);
+    if (!value)
+      connection_.dialogue().fail(DeviceErrorKind::protocol,
+                                  property.info.name + ": is no answer to its register");
+    const auto* const number = std::get_if<double>(&*value);
+    return number == nullptr ? *value : property.unit.to_si(*number);
+  }
   if (text != nullptr &&
       (!from_function || property.info.type != QuantityType::text || !property.choices.empty())) {
     std::string part = *text;
@@ -130,6 +139,21 @@ void ScriptedInstrument::confirm(const std::string& expects) {
   exchange().check_errors();
 }
 
+void ScriptedInstrument::write_register(const PropertyDeclaration& property,
+                                        const QuantityValue& declared) {
+  std::string request;
+  try {
+    request = write_request(*property.held, declared);
+  } catch (const std::out_of_range& problem) {
+    connection_.dialogue().fail(DeviceErrorKind::out_of_range,
+                                property.info.name + ": " + problem.what());
+  }
+  const auto said = exchange().perform(request, {}, true);
+  if (!confirms(request, std::get<std::string>(*said)))
+    connection_.dialogue().fail(DeviceErrorKind::protocol,
+                                property.info.name + ": its answer is not that it was set");
+}
+
 void ScriptedInstrument::set(std::size_t index, const QuantityValue& value) {
   const PropertyDeclaration& property = connection_.declaration().properties.at(index);
   if (!property.info.settable)
@@ -137,7 +161,11 @@ void ScriptedInstrument::set(std::size_t index, const QuantityValue& value) {
   check_value(property.info, value, name());
   const Dialogue::Turn turn(connection_.dialogue());
   connection_.be_open();
-  exchange().perform(property.set, {to_declared(value, property.unit, property.choices)}, false);
+  const QuantityValue declared = to_declared(value, property.unit, property.choices);
+  if (property.held && std::holds_alternative<std::string>(property.set))
+    write_register(property, declared);
+  else
+    exchange().perform(property.set, {declared}, false);
   confirm(property.expects);
 }
 

@@ -1,6 +1,7 @@
 // Instruments of one Lua file as a rig file describes them: { driver = "kdc101", address =
 // "serial:/dev/ttyUSB0" }, and the settings that the file declares.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/links/message_bytes.h"
 #include "devices/scripted/emulator.h"
 #include "devices/scripted/instrument.h"
 #include "host/rig/drivers/carried.h"
@@ -102,6 +103,13 @@ void check_bus(const InstrumentReader& instrument, const scripted::Declaration& 
                            fmt::format("must begin with {}:", fmt::join(buses, ": or ")));
 }
 
+/// A bus of whole messages has no line whose settings could be read.
+SerialPlace read_place(const InstrumentReader& instrument, const SerialSettings& usual) {
+  if (instrument.emulated() || !carries_messages(instrument.address))
+    return read_serial_place(instrument, usual);
+  return {.address = instrument.address, .ideal = true};
+}
+
 /// What is wrong in its file is an error of the rig's.
 std::shared_ptr<scripted::Emulator> emulator_of(scripted::Loaded loaded,
                                                 scripted::Surroundings surroundings = {}) {
@@ -176,7 +184,7 @@ Opener<Role> read_scripted(const InstrumentReader& instrument) {
     if (!fits) instrument.reader.fail("driver", "is a " + kind + " by its file " + file.path);
     check_bus(instrument, first.declaration);
     const scripted::SettingValues values = read_settings(instrument.reader, first.declaration);
-    const SerialPlace place = read_serial_place(instrument, first.declaration.link.serial);
+    const SerialPlace place = read_place(instrument, first.declaration.link.serial);
     std::string load;
     if constexpr (std::is_same_v<Role, Stage>) load = read_load(instrument, "nothing");
     // What these settings make wrong is told now, in the emulator too.
@@ -189,9 +197,16 @@ Opener<Role> read_scripted(const InstrumentReader& instrument) {
       if (far && loaded.declaration.emulator)
         peer = emulate<Role>(where, role, load_instrument(file, values), load);
       if (where.offer && !peer) return Opened<Role>{};
-      return open_on<Role>(place, peer, where, role, [&](std::unique_ptr<ByteLink> link) {
+      const std::string end = loaded.declaration.link.framing.receive_end;
+      const auto open = [&](std::unique_ptr<ByteLink> link) {
         return Scripting<Role>::open({std::move(loaded), std::move(link), role, where.clock});
-      });
+      };
+      if (!place.emulated() && !where.offer && carries_messages(place.address))
+        return Opened<Role>{
+            nullptr, open(traced(where, role, place.address,
+                                 message_bytes(open_message_link(place.address, where.clock), end,
+                                               where.clock)))};
+      return open_on<Role>(place, peer, where, role, open);
     };
   }
 }
