@@ -425,6 +425,12 @@ void read_axes(TableReader& all, Declaration& declaration, const UnitLookup& uni
     all.fail("axes", "is missing: { { name = \"x\", unit = \"mm\", travel = { 0, 25 }, ... } }");
   if (one_axis && declaration.axes.size() != 1) all.fail("axes", "must be one");
   if (declaration.axes.size() > 3) all.fail("axes", "must be three at most");
+  declaration.starts_within = all.seconds("starts_within", 0, 10);
+}
+
+bool has_safe_state(const Declaration& declaration) {
+  return is_there(declaration.make_safe) || !declaration.safe.empty() ||
+         !declaration.safe_values.empty();
 }
 
 void read_role_numbers(TableReader& all, Declaration& declaration, const UnitLookup& units) {
@@ -442,7 +448,7 @@ void read_role_numbers(TableReader& all, Declaration& declaration, const UnitLoo
   if (kind == "coils" || kind == "current_sensor") role_unit("A");
   if (kind == "field_probe") role_unit("T");
   if (kind == "coils" || kind == "lamp")
-    if (!is_there(declaration.make_safe) && declaration.safe.empty())
+    if (!has_safe_state(declaration))
       all.fail("make_safe", "is missing: " + kind + " have a safe state");
   if (kind == "coils") {
     must("channels", 1, 64);
@@ -511,11 +517,35 @@ void read_errors(TableReader& all, Declaration& declaration) {
   reader->finish();
 }
 
+/// make_safe = { on = false, set_point = 20 }: properties, in their declared units.
+void read_safe_values(TableReader& table, Declaration& declaration) {
+  for (const std::string& name : table.keys()) {
+    const auto found = std::find_if(
+        declaration.properties.begin(), declaration.properties.end(),
+        [&](const PropertyDeclaration& one) { return one.info.name == name && one.info.settable; });
+    if (found == declaration.properties.end()) table.fail(name, "is no property that can be set");
+    const QuantityValue value = *table.value(name);
+    if (value.index() != (found->info.type == QuantityType::flag     ? 1U
+                          : found->info.type == QuantityType::text   ? 2U
+                          : found->info.type == QuantityType::number ? 0U
+                                                                     : 3U))
+      table.fail(name, "is of another type than the property");
+    const auto code = found->choices.find(
+        std::holds_alternative<std::string>(value) ? std::get<std::string>(value) : "");
+    if (!found->choices.empty() && code == found->choices.end())
+      table.fail(name, "is none of the property's choices");
+    declaration.safe_values.emplace_back(found - declaration.properties.begin(),
+                                         found->choices.empty() ? value : code->second);
+  }
+}
+
 void read_make_safe(TableReader& all, Declaration& declaration) {
   if (!all.has("make_safe")) return;
   try {
     declaration.make_safe = all.action("make_safe");
   } catch (const ScriptFault&) {
+    if (auto table = all.table("make_safe"); table && !table->keys().empty())
+      return read_safe_values(*table, declaration);
     declaration.safe = all.texts("make_safe");
   }
   if (const auto* one = std::get_if<std::string>(&declaration.make_safe)) {
@@ -562,7 +592,7 @@ void check_free_kind(TableReader& all, const Declaration& declaration) {
     if (closed->info.type != QuantityType::flag || closed->info.every == Time::zero())
       all.fail("properties.closed", "must be a flag that is asked for by itself (every = 0.1)");
   }
-  if (energizes && !is_there(declaration.make_safe) && declaration.safe.empty())
+  if (energizes && !has_safe_state(declaration))
     all.fail("make_safe", "is missing: a " + kind + " has a safe state");
 }
 
@@ -589,7 +619,6 @@ Declaration read(Sandbox& sandbox, const UnitLookup& units) {
   declaration.start_up = all.function("start_up");
   declaration.unasked = all.function("unasked");
   read_errors(all, declaration);
-  read_make_safe(all, declaration);
   if (auto properties = all.table("properties"))
     for (const std::string& name : properties->keys())
       declaration.properties.push_back(
@@ -597,6 +626,7 @@ Declaration read(Sandbox& sandbox, const UnitLookup& units) {
   if (auto commands = all.table("commands"))
     for (const std::string& name : commands->keys())
       declaration.commands.push_back(read_command(*commands, name, units));
+  read_make_safe(all, declaration);
   read_functions(all, declaration);
   read_axes(all, declaration, units);
   read_role_numbers(all, declaration, units);

@@ -54,7 +54,7 @@ struct LinkDeclaration {
   SerialSettings serial{};
   Framing framing{};
   Time timeout = std::chrono::seconds(1);  ///< for an answer
-  Time pause{};                            ///< from one message to the next
+  Time pause{};                            ///< from one message, or its answer, to the next
   Time opening_pause{};                    ///< after the link was opened
   bool echo = false;                       ///< what is sent comes back first
 };
@@ -107,12 +107,14 @@ struct Declaration {
   std::string no_error{};
   Action make_safe{};  ///< also the messages of `safe`, in order
   std::vector<std::string> safe{};
+  std::vector<std::pair<std::size_t, QuantityValue>> safe_values{};  ///< of properties, as declared
   Reference unasked{};  ///< function(message) for what comes without a question
   std::vector<PropertyDeclaration> properties{};
   std::vector<CommandDeclaration> commands{};
   /// Of a role: position, set_off, moving, halt, home, measure, set_currents, set_level, ...
   std::map<std::string, Reference> functions{};
   std::vector<AxisDeclaration> axes{};      ///< of stages
+  Time starts_within{};                     ///< after a command to move it may still say it stands
   DeclaredUnit unit{};                      ///< of what a role measures or sets
   std::map<std::string, double> numbers{};  ///< of a role, SI: channels, current_limit, range
   std::vector<int> coils{};                 ///< of a current sensor, from 1

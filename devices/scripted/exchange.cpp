@@ -58,7 +58,8 @@ Time Exchange::reply_deadline() const {
 void Exchange::send(std::string_view message) {
   const LinkDeclaration& link = declaration().link;
   Clock& clock = dialogue_.clock();
-  if (link.pause > Time::zero() && sent_before_) clock.sleep_until(later(sent_, link.pause));
+  if (link.pause > Time::zero() && sent_before_)
+    clock.sleep_until(later(std::max(sent_, answered_), link.pause));
   const std::string whole = framed(link.framing, std::string(message), ++transaction_);
   function_ = message.empty() ? '\0' : message.front();
   dialogue_.send(whole);
@@ -202,10 +203,13 @@ void Exchange::hand_over(const std::string& message) {
 }
 
 // Where the last answer did not come in time it may come now, and would be taken for that of this
-// question: so the line must be silent first.
+// question, and each answer for that of the next question from then on: so it is waited for once
+// more, and the line must be silent.
 std::string Exchange::ask(std::string_view message, Time timeout,
                           const std::function<bool(const std::string&)>& wanted) {
   Clock& clock = dialogue_.clock();
+  if (std::exchange(owed_, false))
+    dialogue_.await(std::min(later(clock.now(), declaration().link.timeout), deadline_));
   if (unsure_) dialogue_.settle(kSilence);
   if (!wanted) dialogue_.discard();
   unsure_ = true;
@@ -213,7 +217,7 @@ std::string Exchange::ask(std::string_view message, Time timeout,
   asked_ = clock.now();
   const Time deadline = std::min(later(asked_, timeout), deadline_);
   for (int i = 0; i < kMostUnasked; ++i) {
-    dialogue_.await(deadline);
+    owed_ = !dialogue_.await(deadline);
     answered_ = clock.now();
     std::string answer = receive(deadline);
     const bool empty = answer.empty() && declaration().link.framing.kind == Framing::Kind::line;
@@ -347,6 +351,22 @@ std::optional<QuantityValue> Exchange::perform(const Action& action,
   });
 }
 
+void Exchange::set(const PropertyDeclaration& property, const QuantityValue& value) {
+  if (!property.held || !std::holds_alternative<std::string>(property.set)) {
+    perform(property.set, {value}, false);
+    return;
+  }
+  std::string request;
+  try {
+    request = write_request(*property.held, value);
+  } catch (const std::out_of_range& problem) {
+    dialogue_.fail(DeviceErrorKind::out_of_range, property.info.name + ": " + problem.what());
+  }
+  if (!confirms(request, ask(request, declaration().link.timeout)))
+    dialogue_.fail(DeviceErrorKind::protocol,
+                   property.info.name + ": its answer is not that it was set");
+}
+
 void Exchange::check_errors() {
   const Declaration& all = declaration();
   if (!is_there(all.errors)) return;
@@ -360,6 +380,20 @@ void Exchange::check_errors() {
 void Exchange::make_safe() {
   const Declaration& all = declaration();
   for (const std::string& message : all.safe) send(message);
+  for (const auto& [index, value] : all.safe_values) {
+    const PropertyDeclaration& property = all.properties[index];
+    if (property.held && std::holds_alternative<std::string>(property.set)) {
+      set(property, value);
+    } else if (const auto* format = std::get_if<std::string>(&property.set)) {
+      send(message_for(sandbox(), *format, {value}));
+      if (!property.expects.empty()) receive(reply_deadline());
+    } else {
+      std::get<Reference>(property.set).push();
+      io_.push();
+      push_quantity(sandbox().stack(), value);
+      sandbox().call(2, 0, this, &dialogue_.clock());
+    }
+  }
   if (const auto* function = std::get_if<Reference>(&all.make_safe)) {
     function->push();
     io_.push();

@@ -46,6 +46,8 @@ class Exchange : public Operations {
   std::optional<QuantityValue> perform(const Action& action,
                                        const std::vector<QuantityValue>& arguments, bool answer,
                                        std::optional<Time> timeout = {});
+  /// Sets a property; `value` as the file sees it. A register's answer is looked at.
+  void set(const PropertyDeclaration& property, const QuantityValue& value);
   /// Calls a function of the file with io and arguments.
   std::optional<QuantityValue> call(const Reference& function,
                                     const std::vector<QuantityValue>& arguments);
@@ -98,6 +100,7 @@ class Exchange : public Operations {
   Dialogue& dialogue_;
   Reference io_;
   Time deadline_ = kForever;
+  bool owed_ = false;    // the last answer did not come in time
   bool unsure_ = false;  // part of an older answer may still come
   bool broken_ = false;
   std::string fault_;

@@ -56,7 +56,6 @@ class ScriptedInstrument final : public Instrument {
   Exchange& exchange() { return connection_.exchange(); }
   const std::string& name() { return connection_.dialogue().device(); }
   void confirm(const std::string& expects);
-  void write_register(const PropertyDeclaration& property, const QuantityValue& declared);
   QuantityValue converted(const PropertyDeclaration& property, const QuantityValue& said);
 
   Clock& clock_;
@@ -139,21 +138,6 @@ void ScriptedInstrument::confirm(const std::string& expects) {
   exchange().check_errors();
 }
 
-void ScriptedInstrument::write_register(const PropertyDeclaration& property,
-                                        const QuantityValue& declared) {
-  std::string request;
-  try {
-    request = write_request(*property.held, declared);
-  } catch (const std::out_of_range& problem) {
-    connection_.dialogue().fail(DeviceErrorKind::out_of_range,
-                                property.info.name + ": " + problem.what());
-  }
-  const auto said = exchange().perform(request, {}, true);
-  if (!confirms(request, std::get<std::string>(*said)))
-    connection_.dialogue().fail(DeviceErrorKind::protocol,
-                                property.info.name + ": its answer is not that it was set");
-}
-
 void ScriptedInstrument::set(std::size_t index, const QuantityValue& value) {
   const PropertyDeclaration& property = connection_.declaration().properties.at(index);
   if (!property.info.settable)
@@ -161,11 +145,7 @@ void ScriptedInstrument::set(std::size_t index, const QuantityValue& value) {
   check_value(property.info, value, name());
   const Dialogue::Turn turn(connection_.dialogue());
   connection_.be_open();
-  const QuantityValue declared = to_declared(value, property.unit, property.choices);
-  if (property.held && std::holds_alternative<std::string>(property.set))
-    write_register(property, declared);
-  else
-    exchange().perform(property.set, {declared}, false);
+  exchange().set(property, to_declared(value, property.unit, property.choices));
   confirm(property.expects);
 }
 

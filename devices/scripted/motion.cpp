@@ -49,23 +49,30 @@ class ScriptedStage final : public StageProtocol {
 
   void set_off(std::span<const double> target, double speed) override {
     const auto& axes = loaded_.declaration.axes;
+    target_.assign(target.begin(), target.end());  // first: one that is refused is looked at too
     if (loaded_.declaration.functions.contains("homed") && !flag("homed"))
       fail(DeviceErrorKind::refused, "it wants home() first");
     std::vector<double> declared;
     for (std::size_t i = 0; i < target.size(); ++i)
       declared.push_back(axes[i].unit.from_si(target[i]));
-    target_.assign(target.begin(), target.end());
     // A speed in the unit of the first axis: mm/s where positions are in mm.
     call("set_off", {declared, speed / axes.front().unit.factor});
+    commanded();
   }
 
   void set_off_home() override {
     if (!loaded_.declaration.functions.contains("home"))
       fail(DeviceErrorKind::refused, "it has no reference");
     call("home");
+    commanded();
   }
 
-  bool busy() override { return flag("moving"); }
+  // Some say that they stand until the motion has begun: only what was seen to move has arrived.
+  bool busy() override {
+    const bool moves = flag("moving");
+    if (moves) starts_by_ = Time::min();
+    return moves || clock().now() < starts_by_;
+  }
 
   // Twice the resolution: what is read back is rounded, and so was the target.
   void check_arrival(bool homing) override {
@@ -81,6 +88,7 @@ class ScriptedStage final : public StageProtocol {
 
   void halt() override {
     call("halt");
+    starts_by_ = Time::min();
     const Time deadline = later(clock().now(), kHalt);
     while (flag("moving")) {
       if (clock().now() >= deadline) fail(DeviceErrorKind::timeout, "it does not stop");
@@ -109,9 +117,12 @@ class ScriptedStage final : public StageProtocol {
     return *value;
   }
 
+  void commanded() { starts_by_ = later(clock().now(), loaded_.declaration.starts_within); }
+
   Loaded loaded_;
   Exchange exchange_;
   std::vector<double> target_;
+  Time starts_by_ = Time::min();  // until then it may say that it stands, and not have begun
 };
 
 /// A stage of one axis as the lens' motor.

@@ -119,6 +119,11 @@ class ScriptedLamp final : public Lamp {
     connection_.exchange().call(connection_.declaration().functions.at("set_level"), {level});
     level_ = level;
   }
+  void ask() override {
+    const Dialogue::Turn turn(connection_.dialogue());
+    must_be_there(connection_);
+    connection_.exchange().perform(connection_.declaration().identity, {}, true);
+  }
   void make_safe() override {
     const Dialogue::Turn turn(connection_.dialogue());
     connection_.be_open();

@@ -107,7 +107,7 @@ void check_bus(const InstrumentReader& instrument, const scripted::Declaration& 
 SerialPlace read_place(const InstrumentReader& instrument, const SerialSettings& usual) {
   if (instrument.emulated() || !carries_messages(instrument.address))
     return read_serial_place(instrument, usual);
-  return {.address = instrument.address, .serial = {}, .ideal = true};
+  return {instrument.address, usual, true};
 }
 
 /// What is wrong in its file is an error of the rig's.
