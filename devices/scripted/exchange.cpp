@@ -434,7 +434,7 @@ int Exchange::op_ask(lua_State* L) {
   return 1;
 }
 
-// io:read { timeout = 1 }: the next message, whoever asked for it.
+// io:read { timeout = 1 }: the next message, asked for or not.
 int Exchange::op_read(lua_State* L) {
   const Time timeout = time_option(L, 1, "timeout", declaration().link.timeout);
   const std::string message = receive(std::min(later(dialogue_.clock().now(), timeout), deadline_));

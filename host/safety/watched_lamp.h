@@ -13,7 +13,7 @@
 
 namespace vitreo {
 
-/// A light that is held is nobody's next set-point, as a current that is held (Interlock).
+/// No set-point follows for a light that is held, as for a current that is held (Interlock).
 class WatchedLamp final : public Lamp {
  public:
   /// `failed`: why it has been darkened, or what of it cannot be; must not throw. Lamp and clock

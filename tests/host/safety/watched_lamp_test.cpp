@@ -1,5 +1,5 @@
 // Watch of the lamp: a light that is held does not go on where the lamp is gone, its heartbeat line
-// has stopped, or nobody watches any more.
+// has stopped, or is watched no more.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/safety/watched_lamp.h"
 
