@@ -42,6 +42,7 @@ const std::vector<DriverEntry<OperatorInput>>& drivers() {
   static const std::vector<DriverEntry<OperatorInput>> entries{
       {"spacemouse", read_spacemouse, spacemouse::identification},
       {"foot_pedal", read_foot_pedal, foot_pedal::identification},
+      {"game_pad", read_game_pad},
   };
   return entries;
 }

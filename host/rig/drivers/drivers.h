@@ -20,6 +20,7 @@ Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument);
 Opener<LensMover> read_pololu_tic(const InstrumentReader& instrument);
 Opener<OperatorInput> read_spacemouse(const InstrumentReader& instrument);
 Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument);
+Opener<OperatorInput> read_game_pad(const InstrumentReader& instrument);
 Opener<Lamp> read_led_lamp(const InstrumentReader& instrument);
 Opener<EnableLine> read_serial_line(const InstrumentReader& instrument);
 Opener<CurrentSensor> read_scpi_logger(const InstrumentReader& instrument);

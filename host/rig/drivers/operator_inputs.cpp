@@ -2,13 +2,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/foot_pedal/driver.h"
 #include "devices/instruments/foot_pedal/emulator.h"
+#include "devices/instruments/game_pad/driver.h"
+#include "devices/instruments/game_pad/emulator.h"
 #include "devices/instruments/spacemouse/driver.h"
 #include "devices/instruments/spacemouse/emulator.h"
+#include "devices/links/address.h"
+#include "devices/links/event_link.h"
 #include "devices/links/usb_frames.h"
 #include "host/rig/drivers/drivers.h"
 #include "host/rig/drivers/reopened.h"
+#include "host/rig/drivers/serial.h"
 #include "host/rig/drivers/traced.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vitreo {
@@ -121,6 +127,34 @@ Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
     return foot_pedal::open(traced(where, settings.name, to_string("hid", address),
                                    open_hid_link(address, where.clock)),
                             settings);
+  };
+  return reopened<OperatorInput>(instrument.role, open);
+}
+
+// Six names of axes and any number of buttons; what a pad has, an error at its opening says.
+Opener<OperatorInput> read_game_pad(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  game_pad::Settings settings;
+  settings.name = instrument.role;
+  settings.dead_zone = reader.number("dead_zone", settings.dead_zone, {0.01, 0.5, ""});
+  if (reader.has("axes")) {
+    const std::vector<std::string> axes = reader.texts("axes");
+    if (axes.size() != settings.axes.size())
+      reader.fail("axes", "must be six names, \"\" for none: x, y, z, about x, about y, about z");
+    std::copy(axes.begin(), axes.end(), settings.axes.begin());
+  }
+  if (reader.has("buttons")) settings.buttons = reader.texts("buttons");
+  check_settings(instrument, settings);
+  if (instrument.emulated())
+    return [settings](const RigContext& where) {
+      auto at_rest = std::make_shared<game_pad::Emulator>();
+      return Opened<OperatorInput>{
+          at_rest, game_pad::open(memory_event_link(*at_rest, where.clock), settings)};
+    };
+  const Address address = parse_address(instrument.address);
+  if (address.bus != "evdev") reader.fail("address", "must be \"evdev:NODE\" or \"evdev:VID:PID\"");
+  const auto open = [settings, place = address.place](const RigContext& where) {
+    return game_pad::open(open_evdev(place, where.clock), settings);
   };
   return reopened<OperatorInput>(instrument.role, open);
 }
