@@ -105,7 +105,10 @@ class Guest:
         listener.close()
         self._listen(port)
         if self.judge:
-            self.judge(self)
+            if self.left is not None:
+                self.judge(self)
+            else:
+                self.problem = self.problem or "ended before its last case"
             return
         code = self.process.wait(timeout=60)
         if code != 1:  # 2 v + 1 for the verdict v of the cases
