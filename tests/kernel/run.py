@@ -61,7 +61,7 @@ class Guest:
         words = [
             "qemu-system-x86_64", "-accel", "tcg", *self.pace(), "-M", "pc", "-cpu", "max", "-m", MEMORY, "-smp", "1", "-nodefaults",
             "-no-user-config", "-display", "none", "-nic", "none", "-no-reboot", "-kernel", boot, "-initrd", self.early,
-            "-append", f"console=ttyS0 quiet panic={PANIC.get(self.group, -1)} oops=panic nokaslr mitigations=off "
+            "-append", f"console=ttyS0 quiet panic={PANIC.get(self.group, -1)} oops=panic nokaslr mitigations=off no_timer_check "
                        f"suites={':'.join(suite + '.*' for suite in self.suites)}",
             "-serial", f"file:{self.folder / 'console'}", "-device", "isa-debug-exit,iobase=0x501,iosize=1",
             "-drive", f"file={self.disk},format=raw,if=none,id=root,readonly=on", "-device", "virtio-blk-pci,drive=root",
