@@ -149,6 +149,8 @@ void write_frames(hid_t file, const RunData& data) {
     if (rows.empty()) continue;
     const Handle here = group(frames, camera.camera);
     attribute(here, "identity", camera.identity);
+    integers(here, "bits", "", std::array{camera.bits},
+             [](int bits) { return std::int64_t{bits}; });
     integers(here, "t_ns", "ns", rows,
              [](const FrameRow* row) { return std::int64_t{row->exposed.count()}; });
     integers(here, "received_ns", "ns", rows,

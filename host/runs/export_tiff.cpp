@@ -19,7 +19,7 @@ namespace {
 // TIFF's 32 bits, less room for the pages' directories.
 constexpr std::uint64_t kLargest = 0xFFFFFFFF - (16u << 20);
 // Bytes of a directory: its count, twelve for each entry, the offset of the next.
-constexpr std::uint32_t kEntries = 13;
+constexpr std::uint32_t kEntries = 14;
 constexpr std::uint32_t kDirectory = 2 + kEntries * 12 + 4;
 
 /// Little-endian.
@@ -35,22 +35,26 @@ std::string tag(std::uint32_t id, std::uint32_t type, std::uint64_t count, std::
   return u16(id) + u16(type) + u32(count) + u32(value);
 }
 
-/// What stands behind the pixels: description, bits, resolution; then the directories.
+/// What stands behind the pixels: description; bits and the largest value of three samples;
+/// resolution; then the directories.
 /// All pages share it: their frames are of one size and kind (frames_of()).
 struct Tail {
   std::uint64_t at;
   std::string description;
   std::string bits;
   std::string resolution;
+  int significant;  // bits of a sample that count, the low ones
   std::uint64_t bits_at() const { return at + description.size(); }
+  std::uint64_t largest_at() const { return bits_at() + bits.size() / 2; }
   std::uint64_t resolution_at() const { return bits_at() + bits.size(); }
   std::uint64_t pages_at() const { return resolution_at() + resolution.size(); }
 };
 
 /// The directory of one page, in the ascending order of tags that TIFF asks for: 256 width, 257
 /// height, 258 bits a sample, 259 compression (1: none), 262 photometric (1: black is 0, 2: RGB),
-/// 270 description, 273 strip offset, 277 samples a pixel, 278 rows a strip, 279 strip bytes, 282
-/// and 283 resolution, 296 its unit (1: none; ImageJ reads it from the description).
+/// 270 description, 273 strip offset, 277 samples a pixel, 278 rows a strip, 279 strip bytes, 281
+/// the largest sample that there can be (of color for each of the three), 282 and 283 resolution,
+/// 296 its unit (1: none; ImageJ reads it from the description).
 std::string page(const FrameRow& first, const Tail& tail, std::uint64_t pixels_at,
                  std::uint64_t next) {
   const bool rgb = first.pixel_type == 2;
@@ -66,19 +70,22 @@ std::string page(const FrameRow& first, const Tail& tail, std::uint64_t pixels_a
          tag(259, kShort, 1, 1) + tag(262, kShort, 1, rgb ? 2 : 1) +
          tag(270, kText, tail.description.size(), tail.at) + tag(273, kLong, 1, pixels_at) +
          tag(277, kShort, 1, rgb ? 3 : 1) + tag(278, kLong, 1, first.height_px) +
-         tag(279, kLong, 1, first.bytes) + tag(282, kRational, 1, tail.resolution_at()) +
+         tag(279, kLong, 1, first.bytes) +
+         tag(281, kShort, rgb ? 3 : 1, rgb ? tail.largest_at() : (1U << tail.significant) - 1) +
+         tag(282, kRational, 1, tail.resolution_at()) +
          tag(283, kRational, 1, tail.resolution_at()) + tag(296, kShort, 1, 1) + u32(next);
 }
 
 /// ImageJ's own keys. Ended by a zero, as TIFF's texts are, and of even length.
 /// ImageJ reads the first directory alone: by "images" it knows how many pictures follow it without
-/// a gap. Times in s, the unit in ASCII, which TIFF's texts are.
-std::string description_of(const RecordedCameraInfo& camera, std::size_t count) {
+/// a gap. `max` is the range of gray that it shows: of 12 bits in 16 all would be black. Times in
+/// s, the unit in ASCII, which TIFF's texts are.
+std::string description_of(const RecordedCameraInfo& camera, std::size_t count, int bits) {
   std::string text = fmt::format(
       "ImageJ=1.53t\nimages={0}\nframes={0}\nhyperstack=true\nmode=grayscale\nunit=um\nfinterval={"
-      "1}\nfps={2}\n",
+      "1}\nfps={2}\nmin=0\nmax={3}\n",
       count, camera.frame_period * camera.every,
-      camera.frame_period > 0 ? 1 / (camera.frame_period * camera.every) : 0);
+      camera.frame_period > 0 ? 1 / (camera.frame_period * camera.every) : 0, (1U << bits) - 1);
   text += '\0';
   if (text.size() % 2 == 1) text += '\0';
   return text;
@@ -91,8 +98,12 @@ void write_stack(const RunData& data, const RecordedCameraInfo& camera, const Fr
   const std::uint64_t pixels_end = 8 + (count * first.bytes + 1) / 2 * 2;
   // Resolution as pixels per micrometer, a fraction of two 32-bit numbers.
   const double pixel_um = camera.effective_pixel > 0 ? camera.effective_pixel * 1e6 : 1;
-  const Tail tail{pixels_end, description_of(camera, count), u16(8) + u16(8) + u16(8) + u16(0),
-                  u32(1000000) + u32(static_cast<std::uint64_t>(std::lround(pixel_um * 1e6)))};
+  // A record that does not say how many bits count leaves all 16.
+  const int bits = first.pixel_type != 1 ? 8 : camera.bits > 8 ? camera.bits : 16;
+  const Tail tail{pixels_end, description_of(camera, count, bits),
+                  u16(8) + u16(8) + u16(8) + u16(0) + u16(255) + u16(255) + u16(255) + u16(0),
+                  u32(1000000) + u32(static_cast<std::uint64_t>(std::lround(pixel_um * 1e6))),
+                  bits};
   const std::filesystem::path part = file.string() + ".part";
   std::error_code ignored;  // of an export that was broken off
   std::filesystem::remove(part, ignored);

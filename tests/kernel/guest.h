@@ -166,7 +166,7 @@ std::unique_ptr<Amplifier> usb3103_gadget(const std::string& role = "coils",
 /// A BOP behind a port of the communication class; its heartbeat's adapter is an FTDI's.
 std::unique_ptr<Amplifier> bop_gadget(const std::optional<Beat>& beat = std::nullopt);
 
-/// The program, holding 1 A (a lamp: level 0.5) for ten minutes.
+/// The program, holding 1 A (a lamp: level 0.5) for a minute.
 class Host {
  public:
   /// `prepare`: in the new process, before the program. `by`: words of a program that becomes it.

@@ -18,25 +18,33 @@ double seconds(clockid_t clock) {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// Sleeps for 4 s with the output on. Without a heartbeat line it stays on meanwhile, which is
-/// told; what is on after waking has a host.
-void expect_no_orphan(Amplifier& amplifier, const char* unit) {
+/// Sleeps for 4 s, or stands frozen for 2, with the output on. Without a heartbeat line it stays on
+/// meanwhile, which is told; what is on after waking has a host.
+void expect_no_orphan(Amplifier& amplifier, const char* unit, bool freezes_only = false) {
   Host host(amplifier);
   host.energize();
   Instrument& outside = amplifier.instrument();
   const double asleep = outside.order({{"now", true}}).at("now");
   const double boot = seconds(CLOCK_BOOTTIME);
-  write_text("/sys/class/rtc/rtc0/wakealarm", "+4");
-  write_text("/sys/power/state", "mem");
+  if (freezes_only) {
+    write_text("/sys/module/suspend/parameters/pm_test_delay", "2");
+    write_text("/sys/power/pm_test", "devices");
+    write_text("/sys/power/state", "freeze");
+    write_text("/sys/power/pm_test", "none");
+  } else {
+    write_text("/sys/class/rtc/rtc0/wakealarm", "+4");
+    write_text("/sys/power/state", "mem");
+  }
   const double away = seconds(CLOCK_BOOTTIME) - boot;
   const double awake = outside.order({{"now", true}}).at("now");
   const double meanwhile = amplifier.output();  // nothing of the host has had time to act
   std::this_thread::sleep_for(3s);
   const double left = amplifier.output();
   const bool lives = host.lives();
-  row("asleep for %.1f s (BOOTTIME %.1f s): %.2f %s on waking; 3 s later %.2f %s, the run %s",
-      awake - asleep, away, meanwhile, unit, left, unit, lives ? "goes on" : "has ended");
-  EXPECT_GT(awake - asleep, 2) << "it did not sleep";
+  row("%s for %.1f s (BOOTTIME %.1f s): %.2f %s on waking; 3 s later %.2f %s, the run %s",
+      freezes_only ? "user space frozen" : "asleep", awake - asleep, away, meanwhile, unit, left,
+      unit, lives ? "goes on" : "has ended");
+  EXPECT_GT(awake - asleep, 1.5) << "it did not sleep";
   EXPECT_TRUE(lives || left < 2e-3) << "on, and no host: " << host.said();
 }
 
@@ -45,6 +53,12 @@ TEST(SleepGuest, OutputWhileTheMachineSleepsAndAfterItWakes) {
   wait_for_node("/dev/hidraw0");
   Voltages amplifier(std::make_unique<Outside>("usb3103"));
   expect_no_orphan(amplifier, "V");
+}
+
+TEST(BopOutsideGuest, OutputWhileUserSpaceIsFrozenAsForSleep) {
+  load({"xhci-pci", "ftdi_sio"});
+  Bop amplifier(std::make_unique<Outside>("supply"), adapter_node("BOP"));
+  expect_no_orphan(amplifier, "A", true);
 }
 
 TEST(BopOutsideGuest, OutputWhileTheMachineSleepsAndAfterItWakes) {

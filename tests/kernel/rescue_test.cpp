@@ -287,7 +287,6 @@ TEST_F(RescueBopGuest, OldGuardian) { old_guardian(); }
 TEST_F(RescueBopGuest, GuardianKilledAndTheHostBeforeItNotices) { both_killed(); }
 TEST_F(RescueBopGuest, ControlGroupKilled) { control_group_killed(); }
 TEST_F(RescueBopGuest, DeviceReset) { device_reset(); }
-TEST_F(RescueBopGuest, FrozenAsForSleep) { frozen_as_for_sleep(); }
 
 class RescueLampGuest : public Rescue {
  protected:

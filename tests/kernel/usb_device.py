@@ -13,7 +13,7 @@ HID_IN, HID_OUT = 0x81, 0x01
 
 
 class UsbDevice:
-    """One double. Whoever carries the bus' packets asks here for the answers."""
+    """One double; what carries the packets of the bus asks here for the answers."""
 
     def __init__(self, double, described=b""):
         self.double, self.described = double, described

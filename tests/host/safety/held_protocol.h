@@ -1,4 +1,4 @@
-// Protocol that holds a current and a light: nothing is set again for ten minutes, so that only
+// Protocol that holds a current and a light: nothing is set again for a minute, so that only
 // watches can notice anything.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -14,7 +14,7 @@ return { title = "A current and a light that are held", needs = {}, parameters =
       for i = 1, #rig.coils:currents() do currents[i] = 1 end
       rig.coils:set_currents(currents)
     end
-    run:wait(600)
+    run:wait(60)
   end }
 )";
 
