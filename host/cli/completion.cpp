@@ -1,8 +1,11 @@
 // `vitreo completion`: scripts for bash, zsh and fish. They ask the program itself (`vitreo
 // complete`), so that they know every command, protocol, parameter and run, and cannot grow old.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/scripted/declaration.h"
 #include "host/cli/command_line.h"
+#include "host/cli/new_instrument.h"
 #include "host/cli/program.h"
+#include "host/rig/instrument_file.h"
 #include "host/rig/registry.h"
 #include "host/runs/run_reader.h"
 
@@ -94,6 +97,12 @@ Words parameter_words(Program& program, const Words& before, const std::string& 
   return found;
 }
 
+Words instrument_names() {
+  RigDescription none;
+  none.folders = {Program::in_data_folder("scripts")};
+  return instrument_file_names(none);
+}
+
 // Only of the usual folder: --runs may come after the word that is being completed. "last" is a
 // run's name to every command that takes one.
 Words run_words() {
@@ -124,10 +133,12 @@ Words bare_words(const Described& command, const Words& before) {
   return bare;
 }
 
-Words value_words(const std::string& option) {
+Words value_words(const std::string& command, const std::string& option) {
   if (option == "--rig") return stems(Program::rig_files());
+  if (option == "--link") return instrument_links();
   if (option == "--outcome")
     return {"completed", "failed", "stopped", "aborted", "lost", "running", "unreadable"};
+  if (option == "--role" && command == "new") return scripted::kinds();
   if (option == "--role" || option == "--test") return role_names();
   return {};  // the shell's files
 }
@@ -145,11 +156,15 @@ Words positional_words(Program& program, const std::string& command, const Words
     return parameter_words(program, bare, bare.front(), word);
   if (command == "new" && bare.size() == 2 && bare.front() == "driver")
     return {"stage", "coils", "field_probe"};
+  if (command == "new" && bare.size() == 2 && bare.front() == "instrument")
+    return scripted::kinds();
+  if (command == "docs" && bare.size() == 1 && bare.front() == "instrument")
+    return instrument_names();
   if (!bare.empty()) return {};
   if (command == "control")
     return {"status", "pause", "resume", "stop", "abort", "emergency", "answer", "ack"};
   if (command == "completion") return {"bash", "zsh", "fish"};
-  if (command == "new") return {"protocol", "rig", "driver"};
+  if (command == "new") return {"protocol", "instrument", "rig", "driver"};
   if (command == "docs") return page_names();
   if (command == "emulate") return stems(Program::rig_files());
   return kOfRuns.contains(command) ? run_words() : Words{};
@@ -176,7 +191,7 @@ Words complete(const CommandLine& line, Program& program, Words words) {
   } else {
     words.erase(words.begin());
     const bool value = !words.empty() && takes_value(*here, words.back());
-    found = value ? value_words(words.back())
+    found = value ? value_words(here->name, words.back())
                   : positional_words(program, here->name, bare_words(*here, words), word);
   }
   if (word.starts_with("-"))

@@ -53,7 +53,8 @@ int ask_what_is_there(const DeviceWords& wanted) {
   const auto clock = wall_clock();
   const auto before = [](const AskingPlan& plan) { fmt::print(stderr, "{}", to_text(plan)); };
   const auto tell = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
-  const AskingResult result = ask_address(wanted.ask, *clock, before, tell);
+  const AskingResult result = ask_address(wanted.ask, *clock, before, tell,
+                                          asked_files({Program::in_data_folder("scripts")}));
   fmt::print("{}", wanted.json ? dumped(to_json(result)) + "\n" : to_text(result));
   return static_cast<int>(result.found.empty() ? ExitCode::device_missing : ExitCode::completed);
 }

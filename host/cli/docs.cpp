@@ -5,6 +5,8 @@
 #include "host/lua/engine/library.h"
 #include "host/lua/reference/api_reference.h"
 #include "host/lua/reference/editor_files.h"
+#include "host/rig/instrument_file.h"
+#include "host/rig/instrument_page.h"
 #include "host/rig/machine/udev_rules.h"
 
 #include <fmt/format.h>
@@ -113,8 +115,10 @@ int list_pages(bool json) {
   if (json)
     std::cout << rows.dump() << "\n";
   else
-    fmt::print("\nprinted by the program itself: api, man, luacheck, udev, stubs FOLDER\nin {}\n",
-               docs_folder().string());
+    fmt::print(
+        "\nprinted by the program itself: api, instrument [NAME], man, luacheck, udev, stubs "
+        "FOLDER\nin {}\n",
+        docs_folder().string());
   return 0;
 }
 
@@ -146,13 +150,32 @@ int print_page(const std::string& name, const std::string& text, bool json) {
   return 0;
 }
 
+/// Of a file, or of one of the program's own; without a name a list of these.
+int instrument_docs(const std::string& name, bool json) {
+  RigDescription here;
+  here.folders = {Program::in_data_folder("scripts")};
+  if (name.empty()) return print_page("instrument", instrument_list(here), json);
+  const auto file = find_instrument_file(here, "", name);
+  if (!file) {
+    const auto known = instrument_file_names(here);
+    const std::string near = nearest(name, known);
+    throw ConfigError("there is no instrument '" + name + "'" +
+                      (near.empty() ? "" : "; did you mean " + near + "?") +
+                      "; vitreo docs instrument lists the program's own, and a file is given as "
+                      "NAME.lua");
+  }
+  return print_page(name, instrument_page(*file), json);
+}
+
 /// Pages that the program prints come first, then files of docs/, by their name or its last part.
 /// The last part of a name suffices ("write_a_protocol"), in the order of the full names where two
 /// folders have it.
 int docs(const CommandLine& line, const std::string& page, const std::string& into, bool json) {
   if (page.empty()) return list_pages(json);
   if (page == "stubs") return write_stubs(into, json);
-  if (!into.empty()) throw ConfigError("'" + into + "': only stubs are written into a folder");
+  if (page == "instrument") return instrument_docs(into, json);
+  if (!into.empty())
+    throw ConfigError("'" + into + "': only stubs and instrument take a second word");
   const std::map<std::string, std::function<std::string()>> printed{
       {"api",
        [] {
@@ -179,7 +202,7 @@ int docs(const CommandLine& line, const std::string& page, const std::string& in
 }  // namespace
 
 std::vector<std::string> page_names() {
-  std::vector<std::string> names{"api", "luacheck", "man", "stubs", "udev"};
+  std::vector<std::string> names{"api", "instrument", "luacheck", "man", "stubs", "udev"};
   for (const auto& [name, file] : pages()) names.push_back(name);
   return names;
 }
@@ -195,12 +218,15 @@ void add_docs(CommandLine& line, Program&) {
       "docs", "the documentation: a list of its pages, or one of them",
       [&line, wanted] { return docs(line, wanted->page, wanted->into, wanted->json); });
   command.option("page", wanted->page,
-                 "safety, optics, ...; api, man, luacheck, udev and stubs are made by the program");
-  command.option("into", wanted->into, "of stubs: the folder for what editors read");
+                 "safety, optics, ...; api, instrument, man, luacheck, udev and stubs are made by "
+                 "the program");
+  command.option(
+      "into", wanted->into,
+      "of stubs: the folder for what editors read; of instrument: its name, or its file");
   command.flag("--json", wanted->json,
                "as JSON: the list, {\"page\", \"text\"}, or the stubs' files");
   command.examples({"vitreo docs safety | less", "vitreo docs api > api.md",
-                    "vitreo docs stubs ~/.vitreo/stubs"});
+                    "vitreo docs instrument kdc101", "vitreo docs stubs ~/.vitreo/stubs"});
 }
 
 }  // namespace vitreo::cli

@@ -1,7 +1,8 @@
-// `vitreo new`: starting points that run: a protocol with what an editor needs, a driver with its
-// emulator and test, a rig file by an interview.
+// `vitreo new`: starting points that run: a protocol with what an editor needs, an instrument of
+// one Lua file, a driver in C++ with its emulator and test, a rig file by an interview.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
+#include "host/cli/new_instrument.h"
 #include "host/cli/new_rig.h"
 #include "host/cli/program.h"
 #include "host/config/config.h"
@@ -105,6 +106,26 @@ Made new_protocol(const std::string& name) {
   return made;
 }
 
+/// NAME.lua with its emulator, and NAME_rig.lua that uses it: both hold as they stand.
+Made new_instrument(const std::string& name, const std::string& kind, const std::string& link) {
+  Made made;
+  const std::string text = instrument_text(name, kind, link);
+  const std::string rig = name + "_rig.lua";
+  for (const std::string& file : {name + ".lua", rig})
+    if (fs::exists(file)) throw ConfigError(file + ": is there already");
+  write_new(made, name + ".lua", text);
+  write_new(made, rig, instrument_rig_text(name, kind, link));
+  write_editor_files(made, ".");
+  made.next = fmt::format(
+      "next: change the messages of {0}.lua to your instrument's, those of its emulator too, and "
+      "after each change\n"
+      "  vitreo devices --rig {1} --test {2}   against its emulator\n"
+      "  vitreo docs instrument {0}.lua   its page: what scripts have of it\n"
+      "then its real address into {1}; vitreo docs write_an_instrument has the rest",
+      name, rig, role_of_instrument(name, kind));
+  return made;
+}
+
 /// A driver of the project that a new one of the same role begins as: it speaks, has an emulator,
 /// and its tests pass.
 struct Model {
@@ -194,16 +215,20 @@ Made new_driver(const std::string& name, const std::string& role) {
 }
 
 // Words and names are checked before the first file is made.
-Made make_new(const std::string& kind, const std::string& name, const std::string& role) {
-  if (kind != "protocol" && kind != "driver")
+Made make_new(const std::string& kind, const std::string& name, const std::string& role,
+              const std::string& link) {
+  if (kind != "protocol" && kind != "driver" && kind != "instrument")
     throw ConfigError("'" + kind +
-                      "' is not understood: vitreo new protocol NAME, vitreo new rig [NAME], or "
-                      "vitreo new driver "
-                      "NAME ROLE");
+                      "' is not understood: vitreo new protocol NAME, vitreo new rig [NAME], "
+                      "vitreo new instrument NAME --role ROLE, or vitreo new driver NAME ROLE");
+  if (!link.empty() && kind != "instrument")
+    throw ConfigError("new " + kind + ": --link is of an instrument");
   if (name.empty()) throw ConfigError("new " + kind + ": a name is missing");
   if (!is_name(name))
     throw ConfigError("'" + name + "' is not a name: small letters, digits and _, a letter first");
   if (kind == "protocol") return new_protocol(name);
+  if (kind == "instrument")
+    return new_instrument(name, role.empty() ? "instrument" : role, link.empty() ? "serial" : link);
   if (role.empty()) throw ConfigError("new driver: a role is missing, such as stage");
   return new_driver(name, role);
 }
@@ -225,27 +250,35 @@ void add_new(CommandLine& line, Program&) {
   struct Wanted {
     std::string kind;
     std::string role;
+    std::string link;
     NewRigWords rig;  // and the name of all kinds
   };
   const auto wanted = std::make_shared<Wanted>();
   Command command = line.command(
       "new",
-      "a starting point that runs: a protocol, a driver with emulator and test, or a rig file, "
-      "asked "
-      "for question by question",
+      "a starting point that runs: a protocol, an instrument of one Lua file, a rig file, asked "
+      "for "
+      "question by question, or a driver in C++",
       [wanted] {
         if (wanted->kind == "rig") {
-          if (!wanted->role.empty()) throw ConfigError("new rig: takes a name and no role");
+          if (!wanted->role.empty() || !wanted->link.empty())
+            throw ConfigError("new rig: takes a name and no role");
           return new_rig(wanted->rig);
         }
         if (!wanted->rig.answers.empty()) throw ConfigError("--answers is for new rig alone");
-        return show(make_new(wanted->kind, wanted->rig.name, wanted->role), wanted->rig.json);
+        return show(make_new(wanted->kind, wanted->rig.name, wanted->role, wanted->link),
+                    wanted->rig.json);
       });
-  command.option("kind", wanted->kind, "protocol, rig or driver").required();
+  command.option("kind", wanted->kind, "protocol, instrument, rig or driver").required();
   command.option(
       "name", wanted->rig.name,
       "small letters, digits and _; of a rig also its file, or nothing: it is asked for");
-  command.option("role", wanted->role, "of a driver: stage, coils or field_probe");
+  command.option(
+      "role,--role", wanted->role,
+      "of an instrument: stage, field_probe, coils, sensor, actuator, pump, switch, ...; "
+      "of a driver: stage, coils or field_probe");
+  command.option("--link", wanted->link,
+                 "of an instrument: serial (the usual), tcp, udp, usbtmc, vxi11, hislip or modbus");
   command.option(
       "--answers", wanted->rig.answers,
       "of a rig: a file of lines key = answer, for want of a terminal; what is not in it "
@@ -253,6 +286,7 @@ void add_new(CommandLine& line, Program&) {
   command.flag("--json", wanted->rig.json,
                "one JSON object: the files that were made and those that were changed");
   command.examples({"vitreo new protocol depth_scan", "vitreo new rig bench",
+                    "vitreo new instrument acme_bath --role actuator --link tcp",
                     "vitreo new driver acme_stage stage"});
 }
 

@@ -115,13 +115,15 @@ std::string names_of(const std::vector<IdentifiedDriver>& drivers) {
 /// A port while it is asked: opened at one rate at a time.
 class AskedPort {
  public:
-  AskedPort(const OpenAtRate& open, Clock& clock) : open_(open), clock_(clock) {}
+  AskedPort(const OpenLine& open, Clock& clock) : open_(open), clock_(clock) {}
 
   void prepare(const AskingStep& step) {
-    if (!link_ || baud_rate_ != step.baud_rate) {
+    SerialSettings line = step.file ? step.file->line : SerialSettings{};
+    line.baud_rate = step.baud_rate;
+    if (!link_ || line_ != to_string(line)) {
       link_.reset();  // a port has one owner
-      link_ = open_(step.baud_rate);
-      baud_rate_ = step.baud_rate;
+      link_ = open_(line);
+      line_ = to_string(line);
       opened_ = clock_.now();
     }
     clock_.sleep_until(later(opened_, from_seconds(step.question.opening_pause)));
@@ -142,10 +144,10 @@ class AskedPort {
   }
 
  private:
-  const OpenAtRate& open_;
+  const OpenLine& open_;
   Clock& clock_;
   std::unique_ptr<ByteLink> link_;
-  int baud_rate_ = 0;
+  std::string line_;
   Time opened_{};
 };
 
@@ -160,7 +162,8 @@ bool take_echo(ByteString& answer, const ByteString& message) {
 std::optional<FoundInstrument> recognized(const AskingStep& step, const std::string& address,
                                           const std::vector<ByteString>& answers) {
   for (const IdentifiedDriver& driver : step.drivers) {
-    const auto is = driver.identification.question->recognize(answers);
+    const auto is = step.file ? step.file->recognize(answers)
+                              : driver.identification.question->recognize(answers);
     // What an instrument says stands in a comment of a rig file, and on a terminal.
     if (is)
       return FoundInstrument{
@@ -222,7 +225,19 @@ AskingPlan plan_asking(const std::string& address, const std::vector<IdentifiedD
         plan.cautions.push_back(driver.identification.caution);
   }
   for (const WaitingStep& step : in_safe_order(waiting))
-    plan.steps.push_back({step.baud_rate, step.asks->question, step.asks->drivers});
+    plan.steps.push_back({step.baud_rate, step.asks->question, step.asks->drivers, nullptr});
+  return plan;
+}
+
+AskingPlan with_files(AskingPlan plan, const std::vector<std::shared_ptr<const AskedFile>>& files) {
+  if (plan.steps.empty()) return plan;
+  const bool tcp = plan.address.starts_with("tcp:");
+  for (const auto& file : files) {
+    const auto& buses = file->buses;
+    if (std::find(buses.begin(), buses.end(), tcp ? "tcp" : "serial") == buses.end()) continue;
+    plan.steps.push_back(
+        {tcp ? 0 : file->line.baud_rate, file->question, {{file->name, {}}}, file});
+  }
   return plan;
 }
 
@@ -257,7 +272,7 @@ double longest_time(const AskingPlan& plan) {
   return seconds;
 }
 
-AskingResult ask_port(const AskingPlan& plan, const OpenAtRate& open, Clock& clock,
+AskingResult ask_port(const AskingPlan& plan, const OpenLine& open, Clock& clock,
                       const TellStep& tell) {
   AskingResult result;
   result.plan = plan;

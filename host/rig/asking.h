@@ -3,7 +3,9 @@
 #pragma once
 
 #include "devices/links/byte_link.h"
+#include "devices/links/serial_link.h"
 #include "devices/time/clock.h"
+#include "host/rig/asked_files.h"
 #include "host/rig/registry.h"
 
 #include <nlohmann/json.hpp>
@@ -18,9 +20,10 @@ namespace vitreo {
 
 /// One question to a port, at one rate.
 struct AskingStep {
-  int baud_rate = 0;                      // 0: the port has none (TCP)
-  PortQuestion question;                  // its `recognize` is not used
-  std::vector<IdentifiedDriver> drivers;  // those that would recognize the answer
+  int baud_rate = 0;                        // 0: the port has none (TCP)
+  PortQuestion question;                    // its `recognize` is not used
+  std::vector<IdentifiedDriver> drivers;    // those that would recognize the answer
+  std::shared_ptr<const AskedFile> file{};  // it is a Lua file's question; null: a driver's
 };
 
 /// What will be sent to a port, in this order.
@@ -34,6 +37,9 @@ struct AskingPlan {
 /// theirs: what holds a byte that is another's command comes after the questions of that one, which
 /// then is not there. Throws std::logic_error when there is no such order.
 AskingPlan plan_asking(const std::string& address, const std::vector<IdentifiedDriver>& drivers);
+/// The files' questions behind those of the plan, whose instruments then are not there; for a
+/// serial port, or for TCP where the file is of it.
+AskingPlan with_files(AskingPlan plan, const std::vector<std::shared_ptr<const AskedFile>>& files);
 /// For people: each message and rate.
 std::string to_text(const AskingPlan& plan);
 /// s, where nothing answers: all pauses of the plan and all waiting for a first byte.
@@ -70,12 +76,13 @@ struct AskingResult {
   AskingPlan plan;                     // empty where nothing was sent
 };
 
-using OpenAtRate = std::function<std::unique_ptr<ByteLink>(int baud_rate)>;
+/// Its rate is 0 where the port has none.
+using OpenLine = std::function<std::unique_ptr<ByteLink>(const SerialSettings& line)>;
 using TellStep = std::function<void(const std::string& line)>;
 
 /// Sends the plan's questions until one is recognized; `tell` hears of each. Throws DeviceError
 /// when the port cannot be opened or is lost, Stopped.
-AskingResult ask_port(const AskingPlan& plan, const OpenAtRate& open, Clock& clock,
+AskingResult ask_port(const AskingPlan& plan, const OpenLine& open, Clock& clock,
                       const TellStep& tell);
 
 /// What is at an address of any bus: "/dev/ttyUSB0", "serial:...", "tcp:...", "hid:...", "usb:...",
@@ -83,8 +90,8 @@ AskingResult ask_port(const AskingPlan& plan, const OpenAtRate& open, Clock& clo
 /// camera by its discovery. `before` is told the plan before the first byte is sent. Throws
 /// ConfigError for an address that is none, DeviceError.
 AskingResult ask_address(const std::string& address, Clock& clock,
-                         const std::function<void(const AskingPlan&)>& before,
-                         const TellStep& tell);
+                         const std::function<void(const AskingPlan&)>& before, const TellStep& tell,
+                         const std::vector<std::shared_ptr<const AskedFile>>& files = {});
 /// The link to a serial port's node that has the adapter's name and serial number ("ttyUSB0" may be
 /// another one after the next start); "" where there is none.
 std::string lasting_name(const std::string& node,

@@ -60,10 +60,14 @@ std::vector<IdentifiedDriver> askers_for(const Address& address) {
 
 AskingResult ask_the_port(const std::string& given, const Address& address, Clock& clock,
                           const std::function<void(const AskingPlan&)>& before,
-                          const TellStep& tell) {
-  const AskingPlan plan = plan_asking(given, askers_for(address));
-  const OpenAtRate open = [&](int baud_rate) {
-    return open_byte_link(given, {.baud_rate = baud_rate > 0 ? baud_rate : 9600}, clock);
+                          const TellStep& tell,
+                          const std::vector<std::shared_ptr<const AskedFile>>& files) {
+  const std::vector<IdentifiedDriver> askers = askers_for(address);
+  AskingPlan plan = plan_asking(given, askers);
+  if (askers.size() != 1) plan = with_files(std::move(plan), files);  // one: its adapter's own
+  const OpenLine open = [&](SerialSettings line) {
+    if (line.baud_rate <= 0) line.baud_rate = SerialSettings{}.baud_rate;
+    return open_byte_link(given, line, clock);
   };
   if (address.bus == "serial" && !fs::exists(address.place))
     throw DeviceError(DeviceErrorKind::not_found, given, "there is no such port");
@@ -171,8 +175,8 @@ AskingPlan plan_for_address(const std::string& given) {
 }
 
 AskingResult ask_address(const std::string& given, Clock& clock,
-                         const std::function<void(const AskingPlan&)>& before,
-                         const TellStep& tell) {
+                         const std::function<void(const AskingPlan&)>& before, const TellStep& tell,
+                         const std::vector<std::shared_ptr<const AskedFile>>& files) {
   const std::string full = full_address(given);
   if (full == "genicam") return look_for_cameras(full, "");
   Address address;
@@ -182,7 +186,7 @@ AskingResult ask_address(const std::string& given, Clock& clock,
     throw ConfigError(problem.what());
   }
   if (address.bus == "serial" || address.bus == "tcp")
-    return ask_the_port(full, address, clock, before, tell);
+    return ask_the_port(full, address, clock, before, tell, files);
   if (address.bus == "hid" || address.bus == "usb") return look_on_usb(address.bus, full);
   if (address.bus == "genicam") return look_for_cameras(full, address.place);
   throw ConfigError(given +

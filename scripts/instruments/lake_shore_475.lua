@@ -1,6 +1,6 @@
 -- Lake Shore 475 DSP gaussmeter, one axis, on RS-232.
 -- SPDX-License-Identifier: Apache-2.0
--- Sources: Lake Shore 475 user's manual, chapter 6 (7 bits, odd parity, 50 ms between commands; a wrong command
+-- Sources: Lake Shore 475 user's manual, chapter 6 (7 bits, odd parity, 50 ms between messages; a wrong command
 -- is passed over in silence, so what was set is read back); InstrumentKit lakeshore475.py.
 local set = settings {
   probe_range = { default = 3.5, unit = "T", min = 0.01, max = 35, help = "largest field of the probe" },
@@ -12,7 +12,7 @@ return {
   axis_count = 1,
   range = set.probe_range,
   unit = "T",
-  link = { baud_rate = 9600, data_bits = 7, parity = "odd", terminator = "\r\n", pause = 0.05 },
+  link = { baud_rate = 9600, data_bits = 7, parity = "odd", terminator = "\r\n", pause = 0.06 },
   identity = { ask = "*IDN?", match = "^LSCI,MODEL475,([^,]*),(.*)$", fields = { "serial", "firmware" } },
   setup = { "UNIT 2", "RDGMODE 1,3,1,1,1", "AUTO 1" }, -- tesla; DC with five digits; the range by itself
   start_up = function(io)

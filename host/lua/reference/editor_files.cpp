@@ -264,7 +264,7 @@ std::string luacheck_standard(const Library& library) {
     write_fields(L, 1, "  ", text);
     lua_settop(L, 0);
   });
-  return text + "} }\n";
+  return text + "  settings = {}, -- of an instrument's file\n} }\n";
 }
 
 }  // namespace vitreo::lua

@@ -6,6 +6,7 @@
 #include "devices/contract/stage.h"
 #include "devices/links/address.h"
 #include "devices/links/message_bytes.h"
+#include "devices/links/usbtmc_link.h"
 #include "devices/scripted/instrument.h"
 #include "devices/time/error.h"
 #include "tests/devices/doubles/double_process.h"
@@ -196,6 +197,31 @@ TEST(LakeShoreDouble, AnotherModelIsRefused) {
       kind_of([&] { scripted::open_field_probe(on_double("lake_shore_475", instrument, *clock)); }),
       DeviceErrorKind::not_found);
 }
+
+// Metrolab
+
+class MetrolabDouble : public testing::TestWithParam<Options> {};
+TEST_P(MetrolabDouble, KeepsTheContractOfAFieldProbe) {
+  const auto clock = wall_clock();
+  DoubleProcess instrument = DoubleProcess::on_socket("metrolab_thm1176", GetParam());
+  instrument.order(R"({"set": {"field": [0.01, -0.02, 0.0345]}})");
+  auto link = message_bytes(usbtmc_link(open_double_usbtmc(instrument.address(), *clock), *clock),
+                            "\n", *clock);
+  const auto probe =
+      scripted::open_field_probe({shipped("thm1176"), std::move(link), "thm1176", *clock});
+  EXPECT_EQ(probe->info().identity.serial, "0000803");
+  contract::FieldProbeCheck how;
+  how.really = [] { return std::vector{0.01, -0.02, 0.0345}; };
+  how.tolerance = 50e-6;
+  EXPECT_EQ(contract::check(*probe, *clock, how), Findings{});
+  EXPECT_EQ(instrument.order(R"({"get": "errors"})"), R"({"errors": []})");
+  instrument.order(R"({"set": {"field": [0.5, 0, 0]}})");  // beyond 0.3 T
+  EXPECT_EQ(kind_of([&] { probe->measure(2s); }), DeviceErrorKind::refused);
+}
+INSTANTIATE_TEST_SUITE_P(Ways, MetrolabDouble,
+                         testing::Values(Options{}, Options{"unit_letters=lower"},
+                                         Options{"fetch_waits=False"}, Options{"late=0.05"}),
+                         [](const auto& made) { return name_of(made.param); });
 
 // New Era
 

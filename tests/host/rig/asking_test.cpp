@@ -105,17 +105,17 @@ struct Silent final : BytePeer {
 struct Asking : SerialBench {
   /// Of an instrument that hears at any rate, as a pseudo-terminal lets it.
   AskingResult ask(BytePeer& peer, const std::string& address = "serial:/dev/ttyS0") {
-    const OpenAtRate open = [&](int rate) {
-      opened.push_back(rate);
+    const OpenLine open = [&](const SerialSettings& line) {
+      opened.push_back(line.baud_rate);
       return link_to(peer);
     };
     return ask_port(plan_asking(address, identified_drivers()), open, *clock, tell);
   }
   AskingResult ask_at_rate(BytePeer& peer, int rate) {
     AtRate end(peer, rate);
-    const OpenAtRate open = [&](int now) {
-      opened.push_back(now);
-      end.rate = now;
+    const OpenLine open = [&](const SerialSettings& line) {
+      opened.push_back(line.baud_rate);
+      end.rate = line.baud_rate;
       return link_to(end);
     };
     return ask_port(plan_asking("serial:/dev/ttyS0", identified_drivers()), open, *clock, tell);
