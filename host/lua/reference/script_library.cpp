@@ -80,7 +80,9 @@ std::vector<ScriptModule> script_modules(const std::filesystem::path& folder) {
   std::vector<ScriptModule> modules;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     const std::filesystem::path relative = entry.path().lexically_relative(folder);
-    if (entry.path().extension() != ".lua" || *relative.begin() == "rigs") continue;
+    // Rigs and instruments are no modules: nothing requires them.
+    const bool module = *relative.begin() != "rigs" && *relative.begin() != "instruments";
+    if (entry.path().extension() != ".lua" || !module) continue;
     modules.push_back(read_script_module(module_name(relative), read_text_file(entry.path())));
   }
   std::sort(modules.begin(), modules.end(),
