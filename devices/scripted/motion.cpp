@@ -133,6 +133,8 @@ class ScriptedLensMover final : public LensMover {
   std::string identity() const override { return to_string(stage_->info().identity); }
   double position() const override { return stage_->position().front(); }
   void move_to(double position, Time timeout) override {
+    if (!(position >= travel_min() && position <= travel_max()))  // nor what is no number
+      throw DeviceError(DeviceErrorKind::out_of_range, "lens_mover", "is beyond its travel");
     if (!homed_) throw DeviceError(DeviceErrorKind::refused, "lens_mover", "it wants home() first");
     vitreo::move_to(*stage_, {&position, 1}, axis().speed, timeout, clock_);
   }

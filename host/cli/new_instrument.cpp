@@ -101,9 +101,13 @@ std::string instrument_rig_text(const std::string& name, const std::string& kind
       "-- SPDX-License-Identifier: Apache-2.0\n"
       "return {{\n"
       "  title = \"{0}\",\n"
+      "{3}"
       "  {1} = {{ driver = \"{0}\", address = \"emulated\" }},\n"
       "}}\n",
-      name, role_of_instrument(name, kind), link_texts().at(link).address);
+      name, role_of_instrument(name, kind), link_texts().at(link).address,
+      kind == "current_sensor"  // it measures those of a rig
+          ? "  coils = { driver = \"usb3103\", address = \"emulated\" },\n"
+          : "");
 }
 
 }  // namespace vitreo::cli

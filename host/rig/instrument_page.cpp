@@ -140,7 +140,7 @@ std::string instrument_page(const InstrumentFile& file) {
   add_quantities(page, declared);
   add_commands(page, declared);
   page +=
-      "\nScripts have numbers in SI; a rig file writes `60*units.degC`, or a text with its unit. "
+      "\nNumbers are in SI in scripts and in rig files. "
       "File: " +
       file.path + "\n";
   return page;

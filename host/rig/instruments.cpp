@@ -197,6 +197,23 @@ class Opening {
   std::unique_ptr<sim::Laboratory> laboratory_;  // null: nothing is simulated
 };
 
+constexpr Time kSmallMotion = std::chrono::seconds(5);
+
+/// Where it has no reference before it is homed, a motion to where it stands is refused, or is
+/// beyond its travel.
+bool wants_reference(const DeviceError& error) {
+  return error.kind == DeviceErrorKind::refused || error.kind == DeviceErrorKind::out_of_range;
+}
+bool wants_home(Stage& stage) {
+  try {
+    stage.start(stage.position(), stage.info().axes.front().speed);
+    stage.wait(kSmallMotion);
+  } catch (const DeviceError& error) {
+    return wants_reference(error);
+  }
+  return false;
+}
+
 // One suite a role, by overload; the template takes those that have none. Findings go out by
 // reference, since a visit returns nothing.
 struct Tester {
@@ -205,8 +222,19 @@ struct Tester {
   void operator()(Camera& camera) const { findings = contract::check(camera, clock); }
   void operator()(CoilAmplifier& coils) const { findings = contract::check(coils); }
   void operator()(LensMover& lens) const { findings = contract::check(lens); }
-  void operator()(Stage& stage) const { findings = contract::check(stage, clock); }
-  void operator()(RotationStage& stage) const { findings = contract::check(stage, clock); }
+  void operator()(Stage& stage) const {
+    findings = contract::check(stage, clock, {.home = wants_home(stage)});
+  }
+  void operator()(RotationStage& stage) const {
+    contract::StageCheck how;
+    try {  // as wants_home()
+      stage.start(stage.position(), stage.info().axis.speed);
+      stage.wait(kSmallMotion);
+    } catch (const DeviceError& error) {
+      how.home = wants_reference(error);
+    }
+    findings = contract::check(stage, clock, how);
+  }
   void operator()(FieldProbe& probe) const { findings = contract::check(probe, clock); }
   void operator()(CurrentSensor& sensor) const { findings = contract::check(sensor); }
   void operator()(Lamp& lamp) const { findings = contract::check(lamp); }

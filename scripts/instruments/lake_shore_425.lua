@@ -12,7 +12,7 @@ return {
   axis_count = 1,
   range = set.probe_range,
   unit = "T",
-  link = { baud_rate = 57600, data_bits = 7, parity = "odd", terminator = "\n", pause = 0.06 },
+  link = { baud_rate = 57600, data_bits = 7, parity = "odd", terminator = "\n", pause = 0.1 },
   identity = { ask = "*IDN?", match = "^LSCI,MODEL425,([^,]*),(.*)$", fields = { "serial", "firmware" } },
   setup = { "UNIT 2", "RDGMODE 1,0,1", "AUTO" }, -- tesla; DC, no filter, wide band; the range by itself
   start_up = function(io)

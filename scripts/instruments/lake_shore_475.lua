@@ -12,7 +12,7 @@ return {
   axis_count = 1,
   range = set.probe_range,
   unit = "T",
-  link = { baud_rate = 9600, data_bits = 7, parity = "odd", terminator = "\r\n", pause = 0.06 },
+  link = { baud_rate = 9600, data_bits = 7, parity = "odd", terminator = "\r\n", pause = 0.1 },
   identity = { ask = "*IDN?", match = "^LSCI,MODEL475,([^,]*),(.*)$", fields = { "serial", "firmware" } },
   setup = { "UNIT 2", "RDGMODE 1,3,1,1,1", "AUTO 1" }, -- tesla; DC with five digits; the range by itself
   start_up = function(io)

@@ -18,7 +18,12 @@ return {
   rescue = { identify = { "*IDN?", "" }, send = { "OUTP OFF", "VOLT 0" }, check = { "OUTP?", "0" } },
   properties = {
     set_point = { unit = "V", ask = "VOLT?", set = "VOLT %.6g", min = 0, max = set.highest },
-    on = { type = "flag", ask = "OUTP?", answer = "(%w+)%s*$", set = function(io, on) io:send(on and "OUTP ON" or "OUTP OFF") end },
+    on = {
+      type = "flag",
+      ask = "OUTP?",
+      answer = "(%w+)%s*$",
+      set = function(io, on) io:send(on and "OUTP ON" or "OUTP OFF") end,
+    },
     voltage = { unit = "V", ask = "MEAS:VOLT?", every = 1, help = "at its output" },
     current = { unit = "A", ask = "MEAS:CURR?", every = 1, help = "that flows" },
   },

@@ -29,6 +29,7 @@ return {
   start_up = function(io) check(io, tonumber(io:ask("*STB?"))) end,
   measure = function(io)
     io:send(":INIT")
+    io:ask("*OPC?") -- until it has measured: whether FETCH waits the manual does not say
     local x, y, z, status = io:ask(FETCH):match("^([^;]*);([^;]*);([^;]*);%s*(%d+)")
     check(io, tonumber(status) or 4)
     local field = {}
@@ -43,6 +44,7 @@ return {
     message = function(e, m)
       if m == "*IDN?" then return "Metrolab Technology SA,THM1176-MF,1176001,el-D.1.3" end
       if m == "*STB?" then return "0" end
+      if m == "*OPC?" then return "1" end
       if m == FETCH then
         local f = e.field or { 0, 0, 0 }
         return ("%.5f T;%.5f T;%.5f T;0"):format(f[1], f[2], f[3])

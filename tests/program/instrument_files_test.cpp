@@ -132,6 +132,24 @@ TEST(NewInstrument, WhatCannotBeIsSaidBeforeAnythingIsWritten) {
   EXPECT_FALSE(std::filesystem::exists(place.folder() / "acme.lua"));
 }
 
+// A name that is no role of the program's may be one of the rig's own; a slip is told all the same.
+TEST(FreeRoles, AProtocolMayNeedOneByItsName) {
+  const Workplace place;
+  place.write("rig.lua",
+              "return { title = 'r', bath = { driver = 'tc038d', address = 'emulated' } }");
+  const auto check = [&](const std::string& need) {
+    place.write("p.lua", "return { title = 'p', needs = { '" + need +
+                             "' }, run = function(rig, p, run) run:result('t', "
+                             "rig.bath:temperature(), 'K') end }");
+    return place.vitreo("check p.lua --rig rig.lua");
+  };
+  EXPECT_EQ(check("bath").exit_code, 0);
+  EXPECT_EQ(check("actuator:temperature").exit_code, 0);
+  EXPECT_NE(check("oven").err.find("needs the role 'oven', and this rig has only"),
+            std::string::npos);
+  EXPECT_NE(check("coilz").err.find("did you mean coils"), std::string::npos);
+}
+
 // Pages
 
 TEST(InstrumentPages, EveryShippedFileHasOneAndKeepsTheContractOfItsRole) {

@@ -1,8 +1,8 @@
 // Shape of a protocol, checked without running it.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/scripted/declaration.h"
 #include "host/config/config.h"
 #include "host/config/config_lines.h"
-#include "devices/scripted/declaration.h"
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
@@ -266,6 +266,11 @@ void read_tests(const Reader& root, ProtocolDescription& protocol) {
   }
 }
 
+bool is_role_name(const std::string& name) {
+  return !name.empty() && name[0] >= 'a' && name[0] <= 'z' &&
+         name.find_first_not_of("abcdefghijklmnopqrstuvwxyz_0123456789") == std::string::npos;
+}
+
 void read_needs(const Reader& root, ProtocolDescription& protocol) {
   protocol.needs = root.texts("needs");
   const std::vector<std::string>& roles = rig_class().fields;
@@ -273,7 +278,9 @@ void read_needs(const Reader& root, ProtocolDescription& protocol) {
     if (std::find(roles.begin(), roles.end(), need) != roles.end()) continue;
     // A kind of which a rig has any number, under names of its own: "sensor:temperature".
     if (scripted::is_free(need.substr(0, need.find(':')))) continue;
+    // Another name may be a rig's own; whether the rig has it is seen where there is one.
     const std::string near = nearest(need, roles);
+    if (near.empty() && is_role_name(need)) continue;
     root.fail("needs", "has the role '" + need + "', which is not known" +
                            (near.empty() ? "" : "; did you mean " + near + "?"));
   }
