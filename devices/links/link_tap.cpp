@@ -112,6 +112,42 @@ class TappedHidLink final : public HidLink {
   const Watched<HidLink> link_;
 };
 
+class TappedEventLink final : public EventLink {
+ public:
+  explicit TappedEventLink(Watched<EventLink> link) : link_(std::move(link)) {
+    last_ = link_->state();
+  }
+  const std::string& address() const override { return link_->address(); }
+  const EventDevice& device() const override { return link_->device(); }
+  const EventState& state() override {
+    const EventState& now = link_.guarded([&]() -> const EventState& { return link_->state(); });
+    for (std::size_t i = 0; i < now.axes.size(); ++i)
+      if (now.axes[i] != last_.axes[i]) note(device().axes[i].name, now.axes[i]);
+    for (std::size_t i = 0; i < now.pressed.size(); ++i)
+      if (now.pressed[i] != last_.pressed[i]) note(device().buttons[i], now.pressed[i] ? 1 : 0);
+    last_ = now;
+    return now;
+  }
+  bool wait(Time timeout) override {
+    return link_.guarded([&] { return link_->wait(timeout); });
+  }
+  void reopen() override {
+    link_.guarded([&] { link_->reopen(); });
+    link_.note(LinkEvent::opened);
+    last_ = link_->state();
+  }
+
+ private:
+  void note(const std::string& name, int value) const {
+    const std::string text = name + " " + std::to_string(value);
+    link_.note(LinkEvent::from_instrument,
+               Bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  }
+
+  const Watched<EventLink> link_;
+  EventState last_;
+};
+
 class TappedUsbLink final : public UsbLink {
  public:
   explicit TappedUsbLink(Watched<UsbLink> link) : link_(std::move(link)) {}
@@ -180,6 +216,12 @@ std::unique_ptr<UsbLink> tapped(std::unique_ptr<UsbLink> link, LinkName name, Li
                                 const Clock& clock) {
   return std::make_unique<TappedUsbLink>(
       Watched<UsbLink>(std::move(link), std::move(name), tap, clock));
+}
+
+std::unique_ptr<EventLink> tapped(std::unique_ptr<EventLink> link, LinkName name, LinkTap& tap,
+                                  const Clock& clock) {
+  return std::make_unique<TappedEventLink>(
+      Watched<EventLink>(std::move(link), std::move(name), tap, clock));
 }
 
 }  // namespace vitreo

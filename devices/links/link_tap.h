@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/links/byte_link.h"
+#include "devices/links/event_link.h"
 #include "devices/links/hid_link.h"
 #include "devices/links/message_link.h"
 #include "devices/links/usb_link.h"
@@ -53,5 +54,8 @@ std::unique_ptr<HidLink> tapped(std::unique_ptr<HidLink> link, LinkName name, Li
                                 const Clock& clock);
 std::unique_ptr<UsbLink> tapped(std::unique_ptr<UsbLink> link, LinkName name, LinkTap& tap,
                                 const Clock& clock);
+/// Each change that the driver takes is text: "ABS_X 1200", "BTN_SOUTH 1".
+std::unique_ptr<EventLink> tapped(std::unique_ptr<EventLink> link, LinkName name, LinkTap& tap,
+                                  const Clock& clock);
 
 }  // namespace vitreo

@@ -148,13 +148,16 @@ Opener<OperatorInput> read_game_pad(const InstrumentReader& instrument) {
   if (instrument.emulated())
     return [settings](const RigContext& where) {
       auto at_rest = std::make_shared<game_pad::Emulator>();
-      return Opened<OperatorInput>{
-          at_rest, game_pad::open(memory_event_link(*at_rest, where.clock), settings)};
+      return Opened<OperatorInput>{at_rest,
+                                   game_pad::open(traced(where, settings.name, "emulated",
+                                                         memory_event_link(*at_rest, where.clock)),
+                                                  settings)};
     };
   const Address address = parse_address(instrument.address);
   if (address.bus != "evdev") reader.fail("address", "must be \"evdev:NODE\" or \"evdev:VID:PID\"");
   const auto open = [settings, place = address.place](const RigContext& where) {
-    return game_pad::open(open_evdev(place, where.clock), settings);
+    return game_pad::open(
+        traced(where, settings.name, "evdev:" + place, open_evdev(place, where.clock)), settings);
   };
   return reopened<OperatorInput>(instrument.role, open);
 }
