@@ -120,7 +120,7 @@ class TappedEventLink final : public EventLink {
   const std::string& address() const override { return link_->address(); }
   const EventDevice& device() const override { return link_->device(); }
   const EventState& state() override {
-    const EventState& now = link_.guarded([&]() -> const EventState& { return link_->state(); });
+    const EventState& now = *link_.guarded([&] { return &link_->state(); });
     for (std::size_t i = 0; i < now.axes.size(); ++i)
       if (now.axes[i] != last_.axes[i]) note(device().axes[i].name, now.axes[i]);
     for (std::size_t i = 0; i < now.pressed.size(); ++i)
