@@ -413,10 +413,14 @@ TEST(Identification, TheUsbNumbersAreThoseOfTheUdevRules) {
   EXPECT_EQ(driver_for(0x1234, 0x5678), "");
 }
 
+std::string own_scripts() {
+  return (std::filesystem::path(__FILE__).parent_path() / "../../../scripts").string();
+}
+
 // Each file whose identity is a plain question is found by its own emulator, and by no other file's
 // question before that.
 TEST_F(Asking, EveryShippedFileWithAPlainQuestionIsFoundByIt) {
-  const std::vector<std::string> folders{VITREO_SOURCE_DIR "/scripts"};
+  const std::vector<std::string> folders{own_scripts()};
   const auto files = asked_files(folders);
   ASSERT_GE(files.size(), 6U);
   RigDescription none;
@@ -442,7 +446,7 @@ TEST_F(Asking, EveryShippedFileWithAPlainQuestionIsFoundByIt) {
 
 TEST_F(Asking, NoFilesQuestionIsAskedBeforeTheDrivers) {
   const AskingPlan plan = with_files(plan_asking("serial:/dev/ttyS0", identified_drivers()),
-                                     asked_files({VITREO_SOURCE_DIR "/scripts"}));
+                                     asked_files({own_scripts()}));
   bool files = false;
   for (const AskingStep& step : plan.steps) {
     EXPECT_FALSE(files && !step.file) << "a driver's question behind a file's";
