@@ -175,7 +175,8 @@ int docs(const CommandLine& line, const std::string& page, const std::string& in
   if (page == "stubs") return write_stubs(into, json);
   if (page == "instrument") return instrument_docs(into, json);
   if (!into.empty())
-    throw ConfigError("'" + into + "': only stubs and instrument take a second word");
+    throw ConfigError("'" + into +
+                      "': only stubs are written into a folder, and only instrument takes a name");
   const std::map<std::string, std::function<std::string()>> printed{
       {"api",
        [] {

@@ -113,14 +113,17 @@ std::string name_of(const Options& options) {
 class Kdc101Double : public testing::TestWithParam<Options> {};
 TEST_P(Kdc101Double, KeepsTheContractOfAStage) {
   const auto clock = wall_clock();
-  DoubleProcess instrument("thorlabs_apt", GetParam());
-  const auto stage = scripted::open_stage(on_double("kdc101", instrument, *clock));
+  Options options = GetParam();
+  options.emplace_back("stage=Z812");  // the shortest: it homes from its middle
+  DoubleProcess instrument("thorlabs_apt", options);
+  const auto stage =
+      scripted::open_stage(on_double("kdc101", instrument, *clock, {{"travel", 12.0}}));
   EXPECT_EQ(stage->info().identity.serial, "27250001");
   EXPECT_EQ(stage->info().identity.firmware, "1.2.3");
   contract::StageCheck how;
   how.home = true;
-  how.way = 1e-3;
-  how.start = {5e-3};
+  how.way = 0.5e-3;
+  how.start = {2e-3};
   EXPECT_EQ(contract::check(*stage, *clock, how), Findings{});
   EXPECT_EQ(instrument.number("ignored"), 0);
 }
@@ -154,12 +157,15 @@ TEST(Kdc101Double, AStageThatIsHeldIsToldAndAnotherControllerRefused) {
 class ConexDouble : public testing::TestWithParam<Options> {};
 TEST_P(ConexDouble, KeepsTheContractOfAStage) {
   const auto clock = wall_clock();
-  DoubleProcess instrument("newport_conex", GetParam());
-  const auto stage = scripted::open_stage(on_double("conex_cc", instrument, *clock));
+  Options options = GetParam();
+  options.emplace_back("travel=2.0");  // mm: it homes from its middle at 0.4 mm/s
+  DoubleProcess instrument("newport_conex", options);
+  const auto stage =
+      scripted::open_stage(on_double("conex_cc", instrument, *clock, {{"travel_max", 2.0}}));
   contract::StageCheck how;
   how.home = true;
-  how.way = 0.2e-3;
-  how.start = {5e-3};
+  how.way = 0.1e-3;
+  how.start = {1e-3};
   EXPECT_EQ(contract::check(*stage, *clock, how), Findings{});
   EXPECT_EQ(instrument.number("writes"), 0);  // its flash is its owner's
 }

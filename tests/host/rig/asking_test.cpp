@@ -9,7 +9,9 @@
 #include "devices/instruments/sutter_mp285/wire.h"
 #include "devices/instruments/sutter_mpc200/emulator.h"
 #include "devices/instruments/zaber/emulator.h"
+#include "devices/scripted/emulator.h"
 #include "devices/time/error.h"
+#include "host/rig/instrument_file.h"
 #include "host/rig/plugged_in.h"
 #include "tests/devices/instruments/serial_test_bench.h"
 #include "tests/devices/links/echo_peer.h"
@@ -409,6 +411,48 @@ TEST(Identification, TheUsbNumbersAreThoseOfTheUdevRules) {
   EXPECT_EQ(driver_for(0x256F, 0xC635), "spacemouse");
   EXPECT_EQ(driver_for(0x05F3, 0x0268), "foot_pedal");
   EXPECT_EQ(driver_for(0x1234, 0x5678), "");
+}
+
+std::string own_scripts() {
+  return (std::filesystem::path(__FILE__).parent_path() / "../../../scripts").string();
+}
+
+// Each file whose identity is a plain question is found by its own emulator, and by no other file's
+// question before that.
+TEST_F(Asking, EveryShippedFileWithAPlainQuestionIsFoundByIt) {
+  const std::vector<std::string> folders{own_scripts()};
+  const auto files = asked_files(folders);
+  ASSERT_GE(files.size(), 6U);
+  RigDescription none;
+  none.folders = folders;
+  for (const auto& file : files) {
+    const auto text = find_instrument_file(none, "/nowhere/", file->name);
+    ASSERT_TRUE(text) << file->name;
+    const auto emulator = scripted::make_emulator(load_instrument(*text), {});
+    AtRate end(*emulator, file->line.baud_rate);
+    const OpenLine open = [&](const SerialSettings& line) {
+      end.rate = line.baud_rate;
+      return link_to(end);
+    };
+    const AskingPlan plan =
+        with_files(plan_asking("serial:/dev/ttyS0", identified_drivers()), files);
+    const AskingResult result = ask_port(plan, open, *clock, tell);
+    // Two controllers of temperature have no name: what one asks for the other has as well.
+    ASSERT_EQ(result.found.size(), 1U) << file->name;
+    if (result.found.front().driver == "scpi_probe") continue;  // any *IDN? of a gaussmeter
+    EXPECT_EQ(result.found.front().driver, file->name);
+  }
+}
+
+TEST_F(Asking, NoFilesQuestionIsAskedBeforeTheDrivers) {
+  const AskingPlan plan = with_files(plan_asking("serial:/dev/ttyS0", identified_drivers()),
+                                     asked_files({own_scripts()}));
+  bool files = false;
+  for (const AskingStep& step : plan.steps) {
+    EXPECT_FALSE(files && !step.file) << "a driver's question behind a file's";
+    files = files || step.file != nullptr;
+  }
+  EXPECT_TRUE(files);
 }
 
 }  // namespace
