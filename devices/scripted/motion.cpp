@@ -134,6 +134,9 @@ class ScriptedLensMover final : public LensMover {
   double position() const override { return stage_->position().front(); }
   void move_to(double position, Time timeout) override {
     if (!homed_) throw DeviceError(DeviceErrorKind::refused, "lens_mover", "it wants home() first");
+    if (!std::isfinite(position))
+      throw DeviceError(DeviceErrorKind::out_of_range, "lens_mover",
+                        "a position that is not a number is outside its travel");
     vitreo::move_to(*stage_, {&position, 1}, axis().speed, timeout, clock_);
   }
   double travel_min() const override { return axis().travel_min; }
