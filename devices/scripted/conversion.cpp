@@ -4,6 +4,7 @@
 #include "devices/links/printable.h"
 #include "devices/links/scpi.h"
 #include "devices/scripted/lua_values.h"
+#include "devices/scripted/pattern.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
@@ -116,17 +117,21 @@ std::string message_for(Sandbox& sandbox, const std::string& format,
 
 std::optional<std::vector<std::string>> captures(Sandbox& sandbox, const std::string& text,
                                                  const std::string& pattern) {
-  constexpr int kMost = 8;
-  lua_State* const L = sandbox.stack();
-  sandbox.push_string_function("match");
-  lua_pushlstring(L, text.data(), text.size());
-  lua_pushlstring(L, pattern.data(), pattern.size());
-  sandbox.call(2, kMost);
+  constexpr std::int64_t kMostSteps = 200'000;  // a millisecond
+  std::int64_t steps = kMostSteps;
+  std::optional<PatternMatch> match;
+  try {
+    match = find_pattern(text, pattern, 0, steps);
+  } catch (const std::runtime_error& error) {
+    throw ScriptFault(sandbox.file() + ": pattern \"" + printable(pattern, 80) +
+                      "\": " + error.what());
+  }
+  if (!match) return std::nullopt;
+  if (match->captures.empty()) return {{text.substr(match->begin, match->end - match->begin)}};
   std::vector<std::string> found;
-  for (int i = -kMost; i < 0 && lua_type(L, i) == LUA_TSTRING; ++i)
-    found.emplace_back(lua_tostring(L, i), lua_rawlen(L, i));
-  lua_pop(L, kMost);
-  if (found.empty()) return std::nullopt;
+  for (const PatternCapture& one : match->captures)
+    found.push_back(one.position ? std::to_string(one.begin + 1)
+                                 : text.substr(one.begin, one.size));
   return found;
 }
 

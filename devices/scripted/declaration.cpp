@@ -52,6 +52,7 @@ struct Asked {
   const UnitLookup* units;
   const SettingValues* given;
   std::vector<SettingDeclaration> declared{};
+  bool called = false;
 };
 
 DeclaredUnit read_unit(TableReader& reader, const UnitLookup& units,
@@ -113,6 +114,7 @@ int declare_settings(lua_State* L) {
   try {
     const Sandbox::HostWork work(*asked.sandbox);
     if (lua_type(L, 1) != LUA_TTABLE) throw ScriptFault("settings: must be given a table");
+    if (std::exchange(asked.called, true)) throw ScriptFault("settings: is called a second time");
     lua_settop(L, 1);
     lua_xmove(L, asked.sandbox->stack(), 1);
     TableReader reader(*asked.sandbox, "settings");
@@ -260,7 +262,7 @@ std::map<std::string, std::string> read_choices(TableReader& reader) {
     if (const auto* text = std::get_if<std::string>(&*code))
       choices[name] = *text;
     else if (const auto* number = std::get_if<double>(&*code))
-      choices[name] = std::to_string(static_cast<long long>(*number));
+      choices[name] = std::to_string(std::llround(std::clamp(*number, -1e15, 1e15)));
     else
       table->fail(name, "must be what the instrument calls it");
   }
@@ -377,7 +379,10 @@ CommandDeclaration read_command(TableReader& all, const std::string& name,
   if (!is_there(command.send)) reader->fail("send", "is missing: a message, or a function(io)");
   command.expects = reader->text("expects", "");
   command.done = reader->function("done");
-  for (TableReader& one : reader->list("arguments")) {
+  constexpr std::size_t kMostArguments = 16;
+  std::vector<TableReader> arguments = reader->list("arguments");
+  if (arguments.size() > kMostArguments) reader->fail("arguments", "must be at most 16");
+  for (TableReader& one : arguments) {
     const std::string argument = one.text("name", "");
     check_name(one, argument);
     command.units.push_back(read_unit(one, units));
@@ -435,8 +440,7 @@ bool has_safe_state(const Declaration& declaration) {
 
 void read_role_numbers(TableReader& all, Declaration& declaration, const UnitLookup& units) {
   const std::string& kind = declaration.kind;
-  const auto must = [&](const char* key, double min, double max) {
-    const auto number = all.number(key, min, max);
+  const auto must = [&](const char* key, const std::optional<double>& number) {
     if (!number) all.fail(key, "is missing: " + kind + " wants it");
     declaration.numbers[key] = *number;
   };
@@ -451,17 +455,18 @@ void read_role_numbers(TableReader& all, Declaration& declaration, const UnitLoo
     if (!has_safe_state(declaration))
       all.fail("make_safe", "is missing: " + kind + " have a safe state");
   if (kind == "coils") {
-    must("channels", 1, 64);
-    must("current_limit", 1e-3, 1000);  // A
+    must("channels", all.whole("channels", 1, 64));
+    must("current_limit", all.number("current_limit", 1e-3, 1000));  // A
   }
   if (kind == "field_probe") {
-    must("axis_count", 1, 3);
-    must("range", 1e-9, 100);  // T
+    must("axis_count", all.whole("axis_count", 1, 3));
+    must("range", all.number("range", 1e-9, 100));  // T
     if (declaration.numbers["axis_count"] == 2) all.fail("axis_count", "must be 1 or 3");
   }
   if (kind == "current_sensor") {
     for (const double coil : all.numbers("coils"))
-      declaration.coils.push_back(static_cast<int>(coil));
+      declaration.coils.push_back(
+          coil >= 1 && coil <= 64 && coil == std::floor(coil) ? static_cast<int>(coil) : 0);
     const std::set<int> each(declaration.coils.begin(), declaration.coils.end());
     if (declaration.coils.empty() || each.size() != declaration.coils.size() || *each.begin() < 1)
       all.fail("coils", "must be the coils that it measures, from 1, no coil twice");

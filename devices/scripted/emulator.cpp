@@ -7,6 +7,7 @@
 #include "devices/scripted/conversion.h"
 #include "devices/scripted/lua_values.h"
 #include "devices/scripted/table_reader.h"
+#include "devices/time/error.h"
 
 #include <algorithm>
 #include <deque>
@@ -41,20 +42,28 @@ local kind = { __index = methods }
 return function() return setmetatable({ now = 0, glides = {}, planned = {} }, kind) end
 )";
 
+/// What it may say at once, and hear without an end.
+constexpr std::size_t kMostWaiting = 4u << 20;  // bytes
+constexpr std::size_t kMostPlanned = 20'000;    // messages
+constexpr std::size_t kOverhead = 1024;         // bytes
+
 class ScriptedEmulator final : public Emulator, private modbus::Store {
  public:
   ScriptedEmulator(Loaded loaded, Surroundings surroundings)
       : loaded_(std::move(loaded)), surroundings_(std::move(surroundings)) {
     read();
     power_up(Time::zero());
+    if (!fault_.empty()) throw ScriptFault(fault_);
   }
+  const std::string& fault() const override { return fault_; }
 
   void receive(std::span<const std::uint8_t> bytes, Time now) override {
     if (modbus_) return modbus_->receive(bytes, now);
     for (const std::uint8_t byte : bytes) {
+      if (heard_.size() > framing().most + kOverhead) heard_.clear();  // it has no end
       heard_.push_back(static_cast<char>(byte));
       heard_at_ = now;
-      if (const auto message = complete()) answer(*message, now);
+      if (const auto message = complete(now)) answer(*message, now);
     }
   }
   std::vector<TimedBytes> say(Time now) override {
@@ -64,6 +73,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     while (!planned_.empty() && planned_.front().at <= now) {
       said.push_back(std::move(planned_.front()));
       planned_.pop_front();
+      waiting_ -= said.back().bytes.size();
     }
     return said;
   }
@@ -78,6 +88,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     heard_.clear();
     planned_.clear();
     if (modbus_) modbus_->power_cycle(now);
+    waiting_ = 0;
     power_up(now);
   }
 
@@ -135,7 +146,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     if (exact_.empty() && patterns_.empty() && !message_ && !modbus_)
       reader.fail("answers", "neither answers nor message is there");
     reader.finish();
-    sandbox().run(kPrelude);
+    sandbox().run_own(kPrelude);
     make_state_ = Reference(stack());
   }
 
@@ -225,6 +236,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
 
   void power_up(Time now) {
     fault_.clear();
+    full_ = false;
     make_state_.push();
     sandbox().call(0, 1);
     state_ = Reference(stack());
@@ -256,8 +268,12 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
       work();
       take_planned();
       drive(now);
+      if (full_) throw ScriptFault(sandbox().file() + ": emulator: it says more than is heard");
     } catch (const ScriptFault& fault) {
+      lua_settop(stack(), 0);
       fault_ = fault.what();
+      planned_.clear();
+      waiting_ = 0;
       plan(now, "its emulator failed: " + printable(fault_, 300));
     }
   }
@@ -290,7 +306,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     lua_pushstring(stack(), "planned");
     const int type = lua_rawget(stack(), -2);
     const auto count = type == LUA_TTABLE ? static_cast<lua_Integer>(lua_rawlen(stack(), -1)) : 0;
-    for (lua_Integer i = 1; i <= count; ++i) {
+    for (lua_Integer i = 1; i <= count && !full_; ++i) {
       if (lua_rawgeti(stack(), -1, i) == LUA_TTABLE) {
         lua_rawgeti(stack(), -1, 1);
         lua_rawgeti(stack(), -2, 2);
@@ -309,7 +325,12 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
 
   /// Framed, in the order of time.
   void plan(Time at, const std::string& message) {
+    if (waiting_ + message.size() > kMostWaiting || planned_.size() > kMostPlanned) {
+      full_ = true;
+      return;
+    }
     const std::string whole = framed_answer(framing(), message);
+    waiting_ += whole.size();
     TimedBytes timed{at, {whole.begin(), whole.end()}};
     const auto behind = std::upper_bound(planned_.begin(), planned_.end(), at,
                                          [](Time t, const TimedBytes& one) { return t < one.at; });
@@ -317,7 +338,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
   }
 
   /// The message that has come whole, without frame and checksum.
-  std::optional<std::string> complete() {
+  std::optional<std::string> complete(Time now) {
     const Framing& frame = framing();
     std::string message;
     switch (frame.plain_send ? Framing::Kind::line : frame.kind) {
@@ -332,7 +353,8 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
         message = heard_;
         break;
       case Framing::Kind::header:
-        if (heard_.size() < frame.length || heard_.size() < frame.length + rest())
+        if (heard_.size() == frame.length) attempt(now, [this] { rest_ = rest(); });
+        if (heard_.size() < frame.length || heard_.size() < frame.length + rest_)
           return std::nullopt;
         message = heard_;
         break;
@@ -362,7 +384,10 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     sandbox().call(1, 1);
     const double count = lua_tonumber(stack(), -1);
     lua_pop(stack(), 1);
-    return count >= 0 && count < 65536 ? static_cast<std::size_t>(count) : 0;
+    if (!(count >= 0 && count <= static_cast<double>(framing().most)))
+      throw ScriptFault(sandbox().file() +
+                        ": link.message.rest: does not give how many bytes follow");
+    return static_cast<std::size_t>(count);
   }
   void end_of_silence(Time now) {
     if (framing().kind != Framing::Kind::quiet || heard_.empty()) return;
@@ -397,7 +422,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     if (lua_type(stack(), -1) == LUA_TSTRING)
       plan(later(now, delay_), {lua_tostring(stack(), -1), lua_rawlen(stack(), -1)});
     if (lua_type(stack(), -1) == LUA_TTABLE)
-      for (lua_Integer i = 1; lua_rawgeti(stack(), -1, i) == LUA_TSTRING; ++i) {
+      for (lua_Integer i = 1; !full_ && lua_rawgeti(stack(), -1, i) == LUA_TSTRING; ++i) {
         plan(later(now, delay_), {lua_tostring(stack(), -1), lua_rawlen(stack(), -1)});
         lua_pop(stack(), 1);
       }
@@ -414,12 +439,44 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
   Time delay_{};
   std::string heard_;
   Time heard_at_{};
+  std::size_t rest_ = 0;  // bytes that follow the header that was heard
   std::deque<TimedBytes> planned_;
+  std::size_t waiting_ = 0;  // bytes of planned_
+  bool full_ = false;        // more than that is not planned
   std::vector<double> driven_;
   std::string fault_;  // what went wrong in it; then it says nothing any more
 };
 
+class EmulatedLink final : public ByteLink {
+ public:
+  EmulatedLink(std::shared_ptr<Emulator> emulator, std::unique_ptr<ByteLink> link)
+      : emulator_(std::move(emulator)), link_(std::move(link)) {}
+  const std::string& address() const override { return link_->address(); }
+  std::string description() const override { return link_->description(); }
+  void write(std::span<const std::uint8_t> bytes, Time timeout) override {
+    link_->write(bytes, timeout);
+  }
+  ByteString read(std::size_t most, Time timeout) override {
+    ByteString bytes = link_->read(most, timeout);
+    if (!emulator_->fault().empty())
+      throw DeviceError(DeviceErrorKind::protocol, link_->address(),
+                        "its emulator failed: " + printable(emulator_->fault(), 400));
+    return bytes;
+  }
+  void reopen() override { link_->reopen(); }
+
+ private:
+  std::shared_ptr<Emulator> emulator_;
+  std::unique_ptr<ByteLink> link_;
+};
+
 }  // namespace
+
+std::unique_ptr<ByteLink> link_to(std::shared_ptr<Emulator> emulator,
+                                  std::unique_ptr<ByteLink> link) {
+  if (!emulator) return link;
+  return std::make_unique<EmulatedLink>(std::move(emulator), std::move(link));
+}
 
 std::unique_ptr<Emulator> make_emulator(Loaded loaded, Surroundings surroundings) {
   return std::make_unique<ScriptedEmulator>(std::move(loaded), std::move(surroundings));

@@ -24,10 +24,18 @@ class Emulator : public BytePeer {
  public:
   /// The file's `emulator.position`, SI, one an axis; nothing where it has none. Time as for say().
   virtual std::optional<std::vector<double>> position(Time now) = 0;
+  /// What went wrong in it, "pump.lua:12: ..."; empty: nothing.
+  virtual const std::string& fault() const = 0;
 };
 
+/// The link to an emulator, which may be null: what went wrong in it is DeviceError{protocol} where
+/// something is read, for a driver could take the words on the line for an answer.
+std::unique_ptr<ByteLink> link_to(std::shared_ptr<Emulator> emulator,
+                                  std::unique_ptr<ByteLink> link);
+
 /// `loaded` is its own: driver and emulator share no state. Throws ScriptFault where the file has
-/// none, or one that is wrong. What goes wrong in it later is said on the line, and then nothing.
+/// none, or one that is wrong, its `start` too. What goes wrong in it later is said on the line,
+/// and then nothing.
 std::unique_ptr<Emulator> make_emulator(Loaded loaded, Surroundings surroundings = {});
 
 }  // namespace vitreo::scripted

@@ -18,12 +18,28 @@ constexpr int kMostUnasked = 1000;    // messages before an answer
 constexpr double kLongestSleep = 60;  // s, of one io:sleep
 /// After which nothing more of an older answer comes, where the declared timeout is longer.
 constexpr Time kSilence = std::chrono::milliseconds(50);
+/// What a function of the file has beyond two answers that are late.
+constexpr Time kLongestCall = std::chrono::seconds(10);
+constexpr Time kLongestOpening = std::chrono::seconds(120);
+constexpr std::size_t kLongestText = 65536;  // bytes, that a function sends or returns
+
+/// Sets a flag for as long as it lives.
+struct Scope {
+  explicit Scope(bool& of) : flag(of), before(std::exchange(of, true)) {}
+  ~Scope() { flag = before; }
+  Scope(const Scope&) = delete;
+  Scope& operator=(const Scope&) = delete;
+  bool& flag;
+  bool before;
+};
 
 std::string_view text_at(lua_State* L, int index, const char* what) {
   if (lua_type(L, index) != LUA_TSTRING)
     throw std::invalid_argument(std::string(what) + ": must be a text");
   std::size_t size = 0;
   const char* const text = lua_tolstring(L, index, &size);
+  if (size > kLongestText)
+    throw std::invalid_argument(std::string(what) + ": must be at most 65536 bytes long");
   return {text, size};
 }
 
@@ -52,7 +68,22 @@ Exchange::Exchange(Loaded& loaded, Dialogue& dialogue) : loaded_(loaded), dialog
 }
 
 Time Exchange::reply_deadline() const {
-  return later(dialogue_.clock().now(), loaded_.declaration.link.timeout);
+  return std::min(later(dialogue_.clock().now(), loaded_.declaration.link.timeout), until_);
+}
+
+// Functions within an operation of another (match, rest, unasked) are part of its time.
+void Exchange::invoke(int arguments, int results, Operations* operations) {
+  struct Restore {
+    Time& until;
+    Time before;
+    ~Restore() { until = before; }
+  } const restore{until_, until_};
+  if (until_ == kForever) until_ = later(dialogue_.clock().now(), longest_call());
+  sandbox().call(arguments, results, operations, &dialogue_.clock());
+}
+
+Time Exchange::longest_call() const {
+  return opening_ ? kLongestOpening : later(kLongestCall, 2 * declaration().link.timeout);
 }
 
 void Exchange::send(std::string_view message) {
@@ -148,7 +179,7 @@ std::string Exchange::unframed(Time deadline) {
       lua_State* const L = sandbox().stack();
       framing.rest.push();
       lua_pushlstring(L, message.data(), message.size());
-      sandbox().call(1, 1);
+      invoke(1, 1);
       const auto rest = quantity_at(L, -1);
       lua_pop(L, 1);
       const double* const count = rest ? std::get_if<double>(&*rest) : nullptr;
@@ -177,18 +208,41 @@ std::string Exchange::unframed(Time deadline) {
   return message;
 }
 
+/// What is wrong with the file makes the instrument safe, once, and is told by file and line.
+template <class Work>
+auto Exchange::judged(const Work& work) {
+  if (!fault_.empty())
+    dialogue_.fail(DeviceErrorKind::protocol, "its driver failed before: " + fault_);
+  try {
+    return work();
+  } catch (const ScriptFault& fault) {
+    break_down(fault);
+  }
+}
+
 std::string Exchange::receive(Time deadline) {
-  std::string message = unframed(deadline);
+  return judged([&] { return next_message(deadline); });
+}
+
+// What does not come in time may come later.
+std::string Exchange::next_message(Time deadline) {
+  const bool before = std::exchange(unsure_, true);
+  const bool owed = std::exchange(owed_, true);
+  std::string message = without_checksum(unframed(deadline));
+  unsure_ = before;
+  owed_ = owed;
+  return message;
+}
+
+std::string Exchange::without_checksum(std::string message) {
   const Checksum kind = declaration().link.framing.checksum;
   const std::size_t size = checksum_size(kind);
   if (size == 0) return message;
   if (message.size() < size ||
       checksum_of(kind, std::string_view(message).substr(0, message.size() - size)) !=
-          message.substr(message.size() - size)) {
-    unsure_ = true;
+          message.substr(message.size() - size))
     dialogue_.fail(DeviceErrorKind::protocol,
                    "the checksum of its message is wrong: " + printable(message));
-  }
   message.resize(message.size() - size);
   return message;
 }
@@ -199,7 +253,14 @@ void Exchange::hand_over(const std::string& message) {
   lua_State* const L = sandbox().stack();
   declaration().unasked.push();
   lua_pushlstring(L, message.data(), message.size());
-  sandbox().call(1, 0);
+  invoke(1, 0);
+}
+
+/// Waits for the answer that is owed, as long as for any answer, then for silence.
+void Exchange::settle() {
+  const Time until = std::min(reply_deadline(), deadline_);
+  if (std::exchange(owed_, false)) dialogue_.await(until);
+  dialogue_.settle(kSilence);
 }
 
 // Where the last answer did not come in time it may come now, and would be taken for that of this
@@ -208,22 +269,20 @@ void Exchange::hand_over(const std::string& message) {
 std::string Exchange::ask(std::string_view message, Time timeout,
                           const std::function<bool(const std::string&)>& wanted) {
   Clock& clock = dialogue_.clock();
-  if (std::exchange(owed_, false))
-    dialogue_.await(std::min(later(clock.now(), declaration().link.timeout), deadline_));
-  if (unsure_) dialogue_.settle(kSilence);
+  if (unsure_) settle();
   if (!wanted) dialogue_.discard();
   unsure_ = true;
   send(message);
   asked_ = clock.now();
-  const Time deadline = std::min(later(asked_, timeout), deadline_);
+  const Time deadline = std::min({later(asked_, timeout), deadline_, until_});
   for (int i = 0; i < kMostUnasked; ++i) {
     owed_ = !dialogue_.await(deadline);
     answered_ = clock.now();
-    std::string answer = receive(deadline);
+    std::string answer = next_message(deadline);
     const bool empty = answer.empty() && declaration().link.framing.kind == Framing::Kind::line;
     if (empty) continue;
     if (!wanted || wanted(answer)) {
-      unsure_ = false;
+      unsure_ = owed_ = false;
       return answer;
     }
     hand_over(answer);
@@ -239,7 +298,7 @@ Identity Exchange::identify() {
     lua_State* const L = sandbox().stack();
     function->push();
     io_.push();
-    sandbox().call(1, 3, this, &dialogue_.clock());
+    invoke(1, 3, this);
     const auto text = [&](int index) {
       return lua_type(L, index) == LUA_TSTRING ? std::string(lua_tostring(L, index)) : "";
     };
@@ -274,21 +333,11 @@ Identity Exchange::identify() {
   return identity;
 }
 
-/// What is wrong with the file makes the instrument safe, once, and is told by file and line.
-template <class Work>
-auto Exchange::judged(const Work& work) {
-  if (!fault_.empty())
-    dialogue_.fail(DeviceErrorKind::protocol, "its driver failed before: " + fault_);
-  try {
-    return work();
-  } catch (const ScriptFault& fault) {
-    break_down(fault);
-  }
-}
-
 Identity Exchange::begin() {
   fault_.clear();
   unsure_ = true;
+  owed_ = false;
+  const Scope opening(opening_);
   return judged([&] {
     const Declaration& all = declaration();
     if (all.link.opening_pause > Time::zero()) dialogue_.clock().sleep_for(all.link.opening_pause);
@@ -306,14 +355,10 @@ Identity Exchange::begin() {
 void Exchange::break_down(const ScriptFault& fault) {
   fault_ = printable(fault.what(), 400);
   std::string unsafe;
-  if (!std::exchange(broken_, true)) {
-    const StopShield shield(dialogue_.clock());
-    try {
-      make_safe();
-    } catch (const std::exception& error) {
-      unsafe = std::string("; it could not be made safe either: ") + error.what();
-    }
-    broken_ = false;
+  try {
+    make_safe();
+  } catch (const std::exception& error) {
+    unsafe = std::string("; it could not be made safe either: ") + error.what();
   }
   dialogue_.fail(DeviceErrorKind::protocol, "its driver failed: " + fault_ + unsafe);
 }
@@ -322,10 +367,12 @@ std::optional<QuantityValue> Exchange::call(const Reference& function,
                                             const std::vector<QuantityValue>& arguments) {
   return judged([&] {
     lua_State* const L = sandbox().stack();
+    if (lua_checkstack(L, static_cast<int>(arguments.size()) + LUA_MINSTACK) == 0)
+      throw ScriptFault(sandbox().file() + ": a function would have too many arguments");
     function.push();
     io_.push();
     for (const QuantityValue& argument : arguments) push_quantity(L, argument);
-    sandbox().call(1 + static_cast<int>(arguments.size()), 1, this, &dialogue_.clock());
+    invoke(1 + static_cast<int>(arguments.size()), 1, this);
     const bool none = lua_isnil(L, -1);
     const auto value = none ? std::nullopt : quantity_at(L, -1);
     const std::string kind = luaL_typename(L, -1);
@@ -333,6 +380,10 @@ std::optional<QuantityValue> Exchange::call(const Reference& function,
     if (!none && !value)
       throw ScriptFault(sandbox().file() + ": a function returned a " + kind +
                         " that is no finite number, text, flag or list of numbers");
+    if (const auto* text = value ? std::get_if<std::string>(&*value) : nullptr;
+        text != nullptr && text->size() > kLongestText)
+      throw ScriptFault(sandbox().file() + ": a function returned a text of " +
+                        std::to_string(text->size()) + " bytes, which is too long");
     return value;
   });
 }
@@ -343,8 +394,7 @@ std::optional<QuantityValue> Exchange::perform(const Action& action,
   if (const auto* function = std::get_if<Reference>(&action)) return call(*function, arguments);
   return judged([&]() -> std::optional<QuantityValue> {
     const auto& format = std::get<std::string>(action);
-    const std::string message =
-        arguments.empty() ? format : message_for(sandbox(), format, arguments);
+    const std::string message = arguments.empty() ? format : message_of(format, arguments);
     if (answer) return ask(message, timeout.value_or(declaration().link.timeout));
     send(message);
     return std::nullopt;
@@ -367,17 +417,60 @@ void Exchange::set(const PropertyDeclaration& property, const QuantityValue& val
                    property.info.name + ": its answer is not that it was set");
 }
 
+/// A value that the format cannot say (2.5 for "%d") is the caller's fault, not the file's.
+std::string Exchange::message_of(const std::string& format,
+                                 const std::vector<QuantityValue>& arguments) {
+  try {
+    return message_for(sandbox(), format, arguments);
+  } catch (const ScriptFault& fault) {
+    if (std::string_view(fault.what()).find("no integer representation") == std::string_view::npos)
+      throw;
+    dialogue_.fail(DeviceErrorKind::out_of_range,
+                   "must be a whole number for \"" + printable(format) + "\"");
+  }
+}
+
+std::optional<std::vector<std::string>> Exchange::found(const std::string& text,
+                                                        const std::string& pattern) {
+  return judged([&] { return captures(sandbox(), text, pattern); });
+}
+
 void Exchange::check_errors() {
   const Declaration& all = declaration();
   if (!is_there(all.errors)) return;
   const auto said = perform(all.errors, {}, true);
   const std::string* const text = said ? std::get_if<std::string>(&*said) : nullptr;
   if (text == nullptr) return;  // a function fails by itself
-  if (!captures(sandbox(), *text, all.no_error))
+  if (!found(*text, all.no_error))
     dialogue_.fail(DeviceErrorKind::refused, "it reports an error: " + printable(*text));
 }
 
+// A stop waits until it is over. Where the file's function fails there are still the bytes that the
+// guardian would send.
 void Exchange::make_safe() {
+  const Declaration& all = declaration();
+  const Scope safe(making_safe_);
+  const StopShield shield(dialogue_.clock());
+  // The time of a call that failed is over; this has its own.
+  const Deadline fresh(*this, kForever);
+  const Time until = std::exchange(until_, kForever);
+  try {
+    carry_out_safe();
+    until_ = until;
+  } catch (const ScriptFault& fault) {
+    until_ = until;
+    if (fault_.empty()) fault_ = printable(fault.what(), 400);
+    for (const std::string& message : all.rescue.send) send(message);
+    dialogue_.fail(DeviceErrorKind::protocol,
+                   "its make_safe failed: " + printable(fault.what(), 400) +
+                       (all.rescue.send.empty() ? "" : "; its rescue was sent instead"));
+  } catch (...) {
+    until_ = until;
+    throw;
+  }
+}
+
+void Exchange::carry_out_safe() {
   const Declaration& all = declaration();
   for (const std::string& message : all.safe) send(message);
   for (const auto& [index, value] : all.safe_values) {
@@ -386,19 +479,28 @@ void Exchange::make_safe() {
       set(property, value);
     } else if (const auto* format = std::get_if<std::string>(&property.set)) {
       send(message_for(sandbox(), *format, {value}));
-      if (!property.expects.empty()) receive(reply_deadline());
+      if (!property.expects.empty()) next_message(reply_deadline());
     } else {
       std::get<Reference>(property.set).push();
       io_.push();
       push_quantity(sandbox().stack(), value);
-      sandbox().call(2, 0, this, &dialogue_.clock());
+      invoke(2, 0, this);
     }
   }
-  if (const auto* function = std::get_if<Reference>(&all.make_safe)) {
+  if (const Reference* const function = safe_function()) {
     function->push();
     io_.push();
-    sandbox().call(1, 0, this, &dialogue_.clock());
+    invoke(1, 0, this);
   }
+}
+
+/// What stops a stage is its safe state, where none is declared.
+const Reference* Exchange::safe_function() const {
+  const Declaration& all = declaration();
+  if (const auto* declared = std::get_if<Reference>(&all.make_safe)) return declared;
+  const auto halt = all.functions.find("halt");
+  return all.safe.empty() && all.safe_values.empty() && halt != all.functions.end() ? &halt->second
+                                                                                    : nullptr;
 }
 
 // io:ask(message, { timeout = 0.5, match = "^A", lines = 1 }): match may be a function(message).
@@ -419,7 +521,7 @@ int Exchange::op_ask(lua_State* L) {
         lua_State* const stack = sandbox().stack();
         function.push();
         lua_pushlstring(stack, answer.data(), answer.size());
-        sandbox().call(1, 1);
+        invoke(1, 1);
         const bool good = lua_toboolean(stack, -1) != 0;
         lua_pop(stack, 1);
         return good;
@@ -437,13 +539,36 @@ int Exchange::op_ask(lua_State* L) {
 // io:read { timeout = 1 }: the next message, asked for or not.
 int Exchange::op_read(lua_State* L) {
   const Time timeout = time_option(L, 1, "timeout", declaration().link.timeout);
-  const std::string message = receive(std::min(later(dialogue_.clock().now(), timeout), deadline_));
+  const std::string message =
+      next_message(std::min({later(dialogue_.clock().now(), timeout), deadline_, until_}));
   lua_pushlstring(L, message.data(), message.size());
   return 1;
 }
 
+/// While it lives a stop is felt, where the caller allows it.
+struct Exchange::Hearing {
+  explicit Hearing(Exchange& exchange) : clock(exchange.dialogue_.clock()) {
+    if (exchange.breakable_ && !exchange.making_safe_) before = clock.set_deaf(false);
+  }
+  ~Hearing() {
+    if (before) clock.set_deaf(*before);
+  }
+  Hearing(const Hearing&) = delete;
+  Hearing& operator=(const Hearing&) = delete;
+  Clock& clock;
+  std::optional<bool> before{};
+};
+
+bool Exchange::hears(Clock& clock) {
+  const bool deaf = clock.set_deaf(true);
+  clock.set_deaf(deaf);
+  return !deaf;
+}
+
 int Exchange::perform(std::string_view operation, lua_State* L) {
   Clock& clock = dialogue_.clock();
+  if (clock.now() >= until_)
+    throw Endless("after " + std::to_string(longest_call() / std::chrono::seconds(1)) + " s");
   if (operation == "ask") return op_ask(L);
   if (operation == "read") return op_read(L);
   if (operation == "now") return lua_pushnumber(L, to_seconds(clock.now())), 1;
@@ -455,7 +580,9 @@ int Exchange::perform(std::string_view operation, lua_State* L) {
     const double duration = lua_type(L, 1) == LUA_TNUMBER ? lua_tonumber(L, 1) : -1;
     if (!(duration >= 0 && duration <= kLongestSleep))
       throw std::invalid_argument("duration: must be 0 to 60 s");
-    clock.sleep_for(from_seconds(duration));
+    const Time end = std::min(later(clock.now(), from_seconds(duration)), until_);
+    const Hearing hearing(*this);
+    clock.sleep_until(end);
     return 0;
   }
   // io:fail("refused", "the probe is not plugged in")

@@ -65,9 +65,30 @@ class Exchange : public Operations {
     Time before_;
   };
 
+  /// While it lives, made during a Turn, a stop breaks the file's functions off while they sleep:
+  /// of what is read, where nothing is left half done. `feels`: hears() before that Turn.
+  class Breakable {
+   public:
+    Breakable(Exchange& exchange, bool feels)
+        : exchange_(exchange), before_(std::exchange(exchange.breakable_, feels)) {}
+    ~Breakable() { exchange_.breakable_ = before_; }
+    Breakable(const Breakable&) = delete;
+    Breakable& operator=(const Breakable&) = delete;
+
+   private:
+    Exchange& exchange_;
+    bool before_;
+  };
+  /// Whether the calling task's waits feel a stop.
+  static bool hears(Clock& clock);
+
   /// After a command: asks for the instrument's errors where the file declares how.
   void check_errors();
-  /// The declared safe state.
+  /// What a pattern of the file finds in a text, as captures() does.
+  std::optional<std::vector<std::string>> found(const std::string& text,
+                                                const std::string& pattern);
+  /// The declared safe state; a stage that declares none is halted. Where a function of the file
+  /// fails in it the rescue is sent, and DeviceError{protocol} says so.
   void make_safe();
   /// Whether a function of the file failed since begin().
   const std::string& fault() const { return fault_; }
@@ -83,6 +104,15 @@ class Exchange : public Operations {
   template <class Work>
   auto judged(const Work& work);
   [[noreturn]] void break_down(const ScriptFault& fault);
+  struct Hearing;
+  void invoke(int arguments, int results, Operations* operations = nullptr);
+  Time longest_call() const;
+  const Reference* safe_function() const;
+  void carry_out_safe();
+  std::string message_of(const std::string& format, const std::vector<QuantityValue>& arguments);
+  void settle();
+  std::string next_message(Time deadline);
+  std::string without_checksum(std::string message);
   std::string unframed(Time deadline);
   std::string take(std::size_t count, Time deadline);
   std::string modbus_answer(Time deadline);
@@ -100,9 +130,12 @@ class Exchange : public Operations {
   Dialogue& dialogue_;
   Reference io_;
   Time deadline_ = kForever;
-  bool owed_ = false;    // the last answer did not come in time
-  bool unsure_ = false;  // part of an older answer may still come
-  bool broken_ = false;
+  Time until_ = kForever;  // of the function of the file that runs
+  bool unsure_ = false;    // part of an older answer may still come
+  bool owed_ = false;      // a whole one, to a question that was given up
+  bool breakable_ = false;
+  bool opening_ = false;
+  bool making_safe_ = false;
   std::string fault_;
   Time sent_{};
   std::uint16_t transaction_ = 0;  // of Modbus on TCP, counted up

@@ -83,7 +83,7 @@ QuantityValue ScriptedInstrument::converted(const PropertyDeclaration& property,
       (!from_function || property.info.type != QuantityType::text || !property.choices.empty())) {
     std::string part = *text;
     if (!property.answer.empty()) {
-      const auto found = captures(exchange().sandbox(), *text, property.answer);
+      const auto found = exchange().found(*text, property.answer);
       if (!found)
         connection_.dialogue().fail(DeviceErrorKind::protocol,
                                     property.info.name + ": not understood: " + printable(*text));
@@ -114,7 +114,9 @@ QuantitySample ScriptedInstrument::read(std::size_t index, Time timeout) {
   const PropertyDeclaration& property = connection_.declaration().properties.at(index);
   if (!property.info.readable)
     throw std::invalid_argument(property.info.name + ": can only be set");
+  const bool hears = Exchange::hears(clock_);
   const Dialogue::Turn turn(connection_.dialogue());
+  const Exchange::Breakable breakable(exchange(), hears);
   connection_.be_open();
   const Time began = clock_.now();
   const Exchange::Deadline limit(exchange(), later(began, timeout));
@@ -132,7 +134,7 @@ void ScriptedInstrument::confirm(const std::string& expects) {
   if (!expects.empty()) {
     const std::string said =
         exchange().receive(later(clock_.now(), connection_.declaration().link.timeout));
-    if (!captures(exchange().sandbox(), said, expects))
+    if (!exchange().found(said, expects))
       connection_.dialogue().fail(DeviceErrorKind::refused, "it answers " + printable(said));
   }
   exchange().check_errors();
@@ -202,6 +204,9 @@ void ScriptedInstrument::poll() {
       if (listener_) listener_(sample);
     } catch (const DeviceError& error) {
       latest_[index].fault = error.text;
+      pause = std::max(pause, kRetry);
+    } catch (const std::runtime_error& error) {  // of the host: the poll goes on
+      latest_[index].fault = error.what();
       pause = std::max(pause, kRetry);
     }
     *next = std::max(later(*next, pause), clock_.now());

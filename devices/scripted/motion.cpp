@@ -136,6 +136,9 @@ class ScriptedLensMover final : public LensMover {
     if (!(position >= travel_min() && position <= travel_max()))  // nor what is no number
       throw DeviceError(DeviceErrorKind::out_of_range, "lens_mover", "is beyond its travel");
     if (!homed_) throw DeviceError(DeviceErrorKind::refused, "lens_mover", "it wants home() first");
+    if (!std::isfinite(position))
+      throw DeviceError(DeviceErrorKind::out_of_range, "lens_mover",
+                        "a position that is not a number is outside its travel");
     vitreo::move_to(*stage_, {&position, 1}, axis().speed, timeout, clock_);
   }
   double travel_min() const override { return axis().travel_min; }

@@ -51,7 +51,7 @@ class ScriptedCoils final : public CoilAmplifier {
     }
     const Dialogue::Turn turn(connection_.dialogue());
     must_be_there(connection_);
-    connection_.exchange().call(function("set_currents"), {declared});
+    call("set_currents", {declared});
     currents_.assign(currents.begin(), currents.end());
   }
 
@@ -65,7 +65,7 @@ class ScriptedCoils final : public CoilAmplifier {
       exchange.perform(connection_.declaration().identity, {}, true);
       return std::nullopt;
     }
-    const auto said = exchange.call(function("measured_currents"), {});
+    const auto said = call("measured_currents", {});
     const auto* const list = said ? std::get_if<std::vector<double>>(&*said) : nullptr;
     if (list == nullptr || list->size() != currents_.size())
       connection_.dialogue().fail(
@@ -86,8 +86,14 @@ class ScriptedCoils final : public CoilAmplifier {
  private:
   double number(const char* name) const { return connection_.declaration().numbers.at(name); }
   const DeclaredUnit& unit() const { return connection_.declaration().unit; }
-  const Reference& function(const char* name) const {
-    return connection_.declaration().functions.at(name);
+  /// One whose file fails is made safe by that.
+  std::optional<QuantityValue> call(const char* name, const std::vector<QuantityValue>& arguments) {
+    try {
+      return connection_.exchange().call(connection_.declaration().functions.at(name), arguments);
+    } catch (const DeviceError&) {
+      if (!connection_.exchange().fault().empty()) std::fill(currents_.begin(), currents_.end(), 0);
+      throw;
+    }
   }
 
   Connection connection_;
@@ -116,7 +122,12 @@ class ScriptedLamp final : public Lamp {
     if (!(level >= 0 && level <= 1)) throw std::invalid_argument("level: must be 0 to 1");
     const Dialogue::Turn turn(connection_.dialogue());
     must_be_there(connection_);
-    connection_.exchange().call(connection_.declaration().functions.at("set_level"), {level});
+    try {
+      connection_.exchange().call(connection_.declaration().functions.at("set_level"), {level});
+    } catch (const DeviceError&) {
+      if (!connection_.exchange().fault().empty()) level_ = 0;
+      throw;
+    }
     level_ = level;
   }
   void ask() override {

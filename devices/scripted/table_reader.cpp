@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/scripted/table_reader.h"
 
+#include "devices/links/printable.h"
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -9,7 +11,7 @@ namespace vitreo::scripted {
 namespace {
 
 /// Entries of one list: a file that computes them must not fill the memory of the host.
-constexpr lua_Integer kMostEntries = 1000;
+constexpr std::size_t kMostEntries = 1000;
 constexpr std::size_t kLongestText = 4096;  // bytes
 
 }  // namespace
@@ -18,7 +20,8 @@ TableReader::TableReader(Sandbox& sandbox, std::string path)
     : sandbox_(&sandbox), table_(sandbox.stack()), path_(std::move(path)) {}
 
 std::string TableReader::name_of(const std::string& key) const {
-  return path_.empty() ? key : key.empty() ? path_ : path_ + "." + key;
+  const std::string shown = printable(key, 80);
+  return path_.empty() ? shown : key.empty() ? path_ : path_ + "." + shown;
 }
 
 void TableReader::fail(const std::string& key, const std::string& problem) const {
@@ -47,10 +50,11 @@ std::optional<QuantityValue> TableReader::value(const std::string& key) {
   std::optional<QuantityValue> found;
   const int type = push(key);
   if (type == LUA_TBOOLEAN) found = lua_toboolean(L, -1) != 0;
-  if (type == LUA_TNUMBER) found = static_cast<double>(lua_tonumber(L, -1));
+  if (type == LUA_TNUMBER && std::isfinite(lua_tonumber(L, -1)))
+    found = static_cast<double>(lua_tonumber(L, -1));
   if (type == LUA_TSTRING) found = std::string(lua_tostring(L, -1), lua_rawlen(L, -1));
   lua_pop(L, 1);
-  if (type != LUA_TNIL && !found) fail(key, "must be a number, a text, true or false");
+  if (type != LUA_TNIL && !found) fail(key, "must be a finite number, a text, true or false");
   if (found && std::holds_alternative<std::string>(*found) &&
       std::get<std::string>(*found).size() > kLongestText)
     fail(key, "is too long");
@@ -117,7 +121,7 @@ std::vector<std::string> TableReader::texts(const std::string& key) {
   std::vector<std::string> found;
   bool good = type == LUA_TTABLE;
   const lua_Integer count = good ? static_cast<lua_Integer>(lua_rawlen(L, -1)) : 0;
-  good = good && count <= kMostEntries;
+  good = good && count <= static_cast<lua_Integer>(kMostEntries);
   for (lua_Integer i = 1; good && i <= count; ++i) {
     good = lua_rawgeti(L, -1, i) == LUA_TSTRING && lua_rawlen(L, -1) <= kLongestText;
     if (good) found.emplace_back(lua_tostring(L, -1), lua_rawlen(L, -1));
@@ -135,7 +139,7 @@ std::vector<double> TableReader::numbers(const std::string& key) {
   std::vector<double> found;
   bool good = type == LUA_TTABLE;
   const lua_Integer count = good ? static_cast<lua_Integer>(lua_rawlen(L, -1)) : 0;
-  good = good && count <= kMostEntries;
+  good = good && count <= static_cast<lua_Integer>(kMostEntries);
   for (lua_Integer i = 1; good && i <= count; ++i) {
     good = lua_rawgeti(L, -1, i) == LUA_TNUMBER && std::isfinite(lua_tonumber(L, -1));
     if (good) found.push_back(lua_tonumber(L, -1));
@@ -162,7 +166,7 @@ std::vector<TableReader> TableReader::list(const std::string& key) {
   if (type == LUA_TNIL) return lua_pop(L, 1), found;
   bool good = type == LUA_TTABLE;
   const lua_Integer count = good ? static_cast<lua_Integer>(lua_rawlen(L, -1)) : 0;
-  good = good && count <= kMostEntries;
+  good = good && count <= static_cast<lua_Integer>(kMostEntries);
   for (lua_Integer i = 1; good && i <= count; ++i) {
     good = lua_rawgeti(L, -1, i) == LUA_TTABLE;
     if (good) {
@@ -182,13 +186,20 @@ std::vector<std::string> TableReader::keys() {
   table_.push();
   lua_pushnil(L);
   while (lua_next(L, -2) != 0) {
-    if (lua_type(L, -2) == LUA_TSTRING) found.emplace_back(lua_tostring(L, -2));
+    if (lua_type(L, -2) == LUA_TSTRING && found.size() <= kMostEntries)
+      found.emplace_back(lua_tostring(L, -2), lua_rawlen(L, -2));
     lua_pop(L, 1);
   }
   lua_pop(L, 1);
-  if (found.size() > static_cast<std::size_t>(kMostEntries)) fail("", "has too many entries");
+  if (found.size() > kMostEntries) fail("", "has too many entries");
   std::sort(found.begin(), found.end());
   return found;
+}
+
+std::optional<int> TableReader::whole(const std::string& key, int min, int max) {
+  const auto found = number(key, min, max);
+  if (found && *found != std::floor(*found)) fail(key, "must be a whole number");
+  return found ? std::optional(static_cast<int>(*found)) : std::nullopt;
 }
 
 Time TableReader::seconds(const std::string& key, double fallback, double most) {

@@ -23,6 +23,7 @@ class TableReader {
   std::optional<std::string> text(const std::string& key);
   std::string text(const std::string& key, const std::string& fallback);
   std::optional<double> number(const std::string& key, double min, double max);
+  std::optional<int> whole(const std::string& key, int min, int max);
   bool flag(const std::string& key, bool fallback);
   Reference function(const std::string& key);
   /// A text, a function, or nothing.

@@ -13,6 +13,8 @@
 
 #include <fmt/format.h>
 
+#include <cstdlib>
+#include <filesystem>
 #include <ostream>
 
 namespace vitreo {
@@ -23,6 +25,40 @@ std::string text_of(const nlohmann::json& table, const char* key) {
   const auto found = table.is_object() ? table.find(key) : table.end();
   return found != table.end() && found->is_string() ? found->get<std::string>() : "";
 }
+
+/// The record's files of instruments, for a moment on this machine's disk.
+class RecordedInstruments {
+ public:
+  /// Every role whose driver is one of them gets it from there.
+  RecordedInstruments(const nlohmann::json& rig, RigDescription& description) {
+    const nlohmann::json files = rig.value("instruments", nlohmann::json::array());
+    if (files.empty()) return;
+    std::string name =
+        (std::filesystem::temp_directory_path() / "vitreo_instruments_XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) throw RecordError(name + ": cannot be made");
+    folder_ = name;
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      const std::filesystem::path file = text_of(files[i], "file");
+      const std::string here = (folder_ / std::to_string(i)).string() + ".lua";
+      write_file(here, text_of(files[i], "text"));
+      for (auto& [role, value] : description.table)
+        if (auto* const table = std::get_if<ConfigTable>(&value.value))
+          if (const std::string driver = text_of(*table, "driver");
+              !driver.empty() && (file.stem() == driver ||
+                                  file.filename() == std::filesystem::path(driver).filename()))
+            table->at("driver").value = here;
+    }
+  }
+  ~RecordedInstruments() {
+    std::error_code error;
+    if (!folder_.empty()) std::filesystem::remove_all(folder_, error);
+  }
+  RecordedInstruments(const RecordedInstruments&) = delete;
+  RecordedInstruments& operator=(const RecordedInstruments&) = delete;
+
+ private:
+  std::filesystem::path folder_;
+};
 
 /// The nominal model as the rig file of the run describes it; no instrument is opened.
 /// The rig is read from the texts in the record, not from today's files, and the calibration from
@@ -40,6 +76,7 @@ RigModel model_of(ScriptEngine& engine, const RunData& data) {
   for (const nlohmann::json& base : rig.value("bases", nlohmann::json::array()))
     bases.push_back(source(base));
   RigDescription description = engine.recorded_rig(source(rig), bases);
+  const RecordedInstruments instruments(rig, description);
   take_recorded_calibration(description, rig.value("resolved", nlohmann::json()));
   ConfigReader reader(description);
   const RigSettings settings = read_rig_settings(reader);

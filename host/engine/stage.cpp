@@ -4,6 +4,7 @@
 #include "devices/time/error.h"
 #include "host/engine/versions.h"
 #include "host/rig/identities.h"
+#include "host/rig/instrument_file.h"
 #include "host/rig/registry.h"
 #include "host/runs/report.h"
 
@@ -71,6 +72,8 @@ RunStart start_record(const RunRequest& request, const CheckedRequest& checked,
       {"file", description.file}, {"text", description.text}, {"resolved", stage.rig->resolved()}};
   for (const RigSource& base : description.bases)
     start.rig["bases"].push_back({{"file", base.file}, {"text", base.text}});
+  for (const InstrumentFile& file : instrument_files(description, is_built_in))
+    start.rig["instruments"].push_back({{"file", file.path}, {"text", file.text}});
   start.versions = versions();
   start.seed = request.how.seed;
   start.operator_name = operator_of(request);

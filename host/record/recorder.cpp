@@ -59,6 +59,8 @@ void keep_scripts(const std::filesystem::path& folder, const RunStart& start) {
     keep(start.rig.value("file", ""), start.rig["text"].get<std::string>(), "rig");
     for (const nlohmann::json& base : start.rig.value("bases", nlohmann::json::array()))
       if (base.is_object()) keep(base.value("file", ""), base.value("text", ""), "rig_base");
+    for (const nlohmann::json& one : start.rig.value("instruments", nlohmann::json::array()))
+      if (one.is_object()) keep(one.value("file", ""), one.value("text", ""), "instrument");
   }
 }
 

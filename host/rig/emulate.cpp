@@ -11,6 +11,7 @@
 #include "host/config/config.h"
 #include "host/rig/emulated_faults.h"
 #include "host/rig/emulated_world.h"
+#include "host/rig/identities.h"
 #include "host/rig/rig_settings.h"
 
 #include <fmt/format.h>
@@ -159,7 +160,12 @@ class Emulation::State {
     if (role == "stage") settings_.stage(where);
     if (role == "rotation_stage") settings_.rotation_stage(where);
     if (role == "field_probe" && driver != "simulated") settings_.field_probe(where);
-    if (role == "coils" && driver == "kepco_bop") settings_.coils(where);
+    const bool file = !driver.empty() && !is_built_in(driver);
+    if (role == "coils" && (driver == "kepco_bop" || file)) settings_.coils(where);
+    if (role == "lamp" && file) settings_.lamp(where);
+    if (role == "lens_mover" && file) settings_.lens_mover(where);
+    for (const FreeRoleSettings& one : settings_.free_roles)
+      if (one.name == role) std::visit([&where](const auto& opener) { opener(where); }, one.opener);
     if (role == "current_sensor" && driver != "simulated") settings_.current_sensor(where);
     if (parts_.size() - before < 2) return;
     for (std::size_t i = before; i < parts_.size(); ++i)

@@ -2,6 +2,7 @@
 #include "host/rig/fault.h"
 
 #include "host/config/config.h"
+#include "host/rig/registry.h"
 #include "host/text/units.h"
 
 #include <fmt/format.h>
@@ -35,6 +36,12 @@ Roles all_of(const Roles& first, const Roles& second) {
 
 bool is_among(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+/// A role under a name of the rig's own is at the end of a wire.
+bool happens_to(const FaultKind& kind, const std::string& role) {
+  if (is_among(kind.roles, role)) return true;
+  return role != "disk" && !is_among(role_names(), role) && is_among(kind.roles, "field_probe");
 }
 
 /// Without the second of two.
@@ -124,9 +131,9 @@ const FaultKind& kind_of(const Fault& fault, const FaultKinds& kinds) {
   std::vector<std::string> names, of_role, roles;
   for (const FaultKind& kind : kinds) {
     add_new(names, kind.name);
-    if (is_among(kind.roles, fault.role)) add_new(of_role, kind.name);
+    if (happens_to(kind, fault.role)) add_new(of_role, kind.name);
     if (kind.name != fault.kind) continue;
-    if (is_among(kind.roles, fault.role)) return kind;
+    if (happens_to(kind, fault.role)) return kind;
     for (const std::string& role : kind.roles) add_new(roles, role);
   }
   const std::string known = of_role.empty() ? ""

@@ -2,7 +2,9 @@
 #include "host/rig/identities.h"
 
 #include "host/files/manifest.h"
+#include "host/rig/registry.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -60,6 +62,9 @@ nlohmann::json identities(const Rig& rig) {
     names["rotation_stage"] = to_string(rig.rotation_stage->info().identity);
   if (rig.field_probe != nullptr)
     names["field_probe"] = to_string(rig.field_probe->info().identity);
+  for (const FreeRole& role : rig.free_roles)
+    if (auto* const* found = std::get_if<Instrument*>(&role.device))
+      names[role.name] = to_string((*found)->info().identity);
   return names;
 }
 
@@ -73,12 +78,33 @@ nlohmann::json hashes_of_files(const nlohmann::json& rig) {
   std::vector<std::string> files{file};
   for (const nlohmann::json& base : rig.value("bases", nlohmann::json::array()))
     if (base.is_object()) files.push_back(base.value("file", ""));
+  for (const nlohmann::json& one : rig.value("instruments", nlohmann::json::array()))
+    if (one.is_object() && !one.value("file", "").empty())
+      add_hash(one.value("file", ""), "", hashes);
   for (const std::string& one : files) {
     if (!one.empty()) add_hash(one, "", hashes);
     if (rig.contains("resolved"))
       walk(rig["resolved"], std::filesystem::path(one).parent_path(), hashes);
   }
   return hashes;
+}
+
+namespace {
+
+template <class... Roles>
+bool is_driver_of(const std::string& name) {
+  const auto among = [&](const auto& drivers) {
+    return std::any_of(drivers.begin(), drivers.end(),
+                       [&](const auto& one) { return one.name == name; });
+  };
+  return (among(drivers<Roles>()) || ...);
+}
+
+}  // namespace
+
+bool is_built_in(const std::string& driver) {
+  return is_driver_of<Camera, CoilAmplifier, CurrentSensor, EnableLine, FieldProbe, Lamp, LensMover,
+                      OperatorInput, RotationStage, Stage>(driver);
 }
 
 }  // namespace vitreo

@@ -15,4 +15,7 @@ nlohmann::json identities(const Rig& rig);
 /// stands or from where the rig file is: calibrations, photographs, prescriptions.
 nlohmann::json hashes_of_files(const nlohmann::json& rig);
 
+/// Whether a driver of any role in the program itself has that name: it goes before a file's.
+bool is_built_in(const std::string& driver);
+
 }  // namespace vitreo

@@ -79,12 +79,14 @@ scripted::Loaded load_instrument(const InstrumentFile& file,
   }
 }
 
-std::vector<InstrumentFile> instrument_files(const RigDescription& rig) {
+std::vector<InstrumentFile> instrument_files(
+    const RigDescription& rig, const std::function<bool(const std::string&)>& is_built_in) {
   std::map<std::string, InstrumentFile> found;
   for (const auto& [role, value] : rig.table) {
     const auto* const table = std::get_if<ConfigTable>(&value.value);
     if (table == nullptr) continue;
     const std::string driver = text_of(*table, "driver");
+    if (is_built_in(driver)) continue;  // whatever files of its name there are
     auto file = find_instrument_file(rig, rig.source_of(role + ".driver").file, driver);
     if (file) found.emplace(file->path, std::move(*file));
   }

@@ -6,6 +6,7 @@
 #include "devices/scripted/declaration.h"
 #include "host/config/config.h"
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,8 +31,10 @@ std::vector<std::string> instrument_file_names(const RigDescription& rig);
 scripted::Loaded load_instrument(const InstrumentFile& file,
                                  const scripted::SettingValues& values = {});
 
-/// Every such file that the rig uses, each once: for its record.
-std::vector<InstrumentFile> instrument_files(const RigDescription& rig);
+/// Every such file that the rig uses, each once: for its record. A driver that is built in
+/// (host/rig/identities.h) is no file's.
+std::vector<InstrumentFile> instrument_files(
+    const RigDescription& rig, const std::function<bool(const std::string&)>& is_built_in);
 
 /// What the guardian sends for an output with such a driver, on the link as the role's reader has
 /// it; empty where the driver is no file, or declares no rescue.

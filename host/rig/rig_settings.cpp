@@ -168,8 +168,7 @@ void read_guardian(ConfigReader& reader, RigSettings& settings) {
                               "\" has no rescue, so the guardian cannot bring it to zero; guardian "
                               "= false leaves it unguarded");
   // Read back from the resolved table: the defaults of the driver's own reader are in it too.
-  const std::vector<std::string> wants =
-      rescue == nullptr ? kLineKeys : rescue->settings;
+  const std::vector<std::string> wants = rescue == nullptr ? kLineKeys : rescue->settings;
   for (const std::string& key : wants)
     if (const auto found = reader.resolved().find(key); found != reader.resolved().end())
       output.settings[key] = number_for_guardian(key, *found);

@@ -394,6 +394,9 @@ std::string source_section(const RunData& data) {
     for (const nlohmann::json& base : start.rig.value("bases", nlohmann::json::array()))
       if (base.is_object())
         files += fold("It builds on " + base.value("file", ""), base.value("text", ""));
+    for (const nlohmann::json& one : start.rig.value("instruments", nlohmann::json::array()))
+      if (one.is_object())
+        files += fold("Instrument " + one.value("file", ""), one.value("text", ""));
   }
   return section("What was asked",
                  fold("Rig as resolved (SI units)", resolved) + files +

@@ -123,8 +123,8 @@ std::shared_ptr<scripted::Emulator> emulator_of(scripted::Loaded loaded,
 // An emulated probe stands in the simulated world, an emulated stage carries what the rig says, and
 // emulated amplifiers drive the simulated coils.
 template <class Role>
-std::shared_ptr<BytePeer> emulate(const RigContext& where, const std::string& role,
-                                  scripted::Loaded loaded, const std::string& load) {
+std::shared_ptr<scripted::Emulator> emulate(const RigContext& where, const std::string& role,
+                                            scripted::Loaded loaded, const std::string& load) {
   scripted::Surroundings surroundings;
   sim::Laboratory* const laboratory = where.laboratory;
   if constexpr (std::is_same_v<Role, FieldProbe>) {
@@ -192,14 +192,15 @@ Opener<Role> read_scripted(const InstrumentReader& instrument) {
     if (tried.declaration.emulator) emulator_of(std::move(tried));
     return [file, values, place, load, role = instrument.role](const RigContext& where) {
       const bool far = place.emulated() || where.offer;
-      std::shared_ptr<BytePeer> peer;
+      std::shared_ptr<scripted::Emulator> peer;
       scripted::Loaded loaded = load_instrument(file, values);
       if (far && loaded.declaration.emulator)
         peer = emulate<Role>(where, role, load_instrument(file, values), load);
       if (where.offer && !peer) return Opened<Role>{};
       const std::string end = loaded.declaration.link.framing.receive_end;
       const auto open = [&](std::unique_ptr<ByteLink> link) {
-        return Scripting<Role>::open({std::move(loaded), std::move(link), role, where.clock});
+        auto told = scripted::link_to(peer, std::move(link));
+        return Scripting<Role>::open({std::move(loaded), std::move(told), role, where.clock});
       };
       if (!place.emulated() && !where.offer && carries_messages(place.address))
         return Opened<Role>{
