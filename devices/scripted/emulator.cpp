@@ -165,8 +165,11 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
       }
     }
     registers->finish();
-    modbus_ = modbus::make_emulator(
-        *this, {.framing = framing().modbus, .unit = framing().unit, .delay = delay_});
+    modbus_ = modbus::make_emulator(*this,
+                                    {.framing = framing().modbus,
+                                     .unit = framing().unit,
+                                     .delay = delay_,
+                                     .character = character_time(loaded_.declaration.link.serial)});
   }
 
   static modbus::Table table_of(RegisterTable table) {

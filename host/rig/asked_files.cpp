@@ -15,6 +15,9 @@
 namespace vitreo {
 namespace {
 
+/// s, for the first byte of an answer: there are many files, and a port may be silent to each.
+constexpr double kPatience = 0.5;
+
 using scripted::Declaration;
 using scripted::Framing;
 
@@ -96,11 +99,13 @@ std::shared_ptr<const AskedFile> asked(const std::string& name, scripted::Loaded
   const std::string question = scripted::framed(
       shared->declaration.link.framing, std::get<std::string>(shared->declaration.identity));
   file->question.baud_rates = {file->line.baud_rate};
-  // Again where the first answer after power-up is another one.
-  file->question.messages.assign(static_cast<std::size_t>(shared->declaration.identity_tries),
-                                 bytes_of_text(question));
+  // Twice: the first one ends what questions at other rates have left, or power-up has.
+  file->question.messages.assign(
+      static_cast<std::size_t>(std::max(2, shared->declaration.identity_tries)),
+      bytes_of_text(question));
+  file->question.may_begin_silent = true;
   file->question.opening_pause = to_seconds(shared->declaration.link.opening_pause);
-  file->question.patience = std::min(1.0, to_seconds(shared->declaration.link.timeout));
+  file->question.patience = std::min(kPatience, to_seconds(shared->declaration.link.timeout));
   file->recognize = [shared, name](const std::vector<ByteString>& answers) {
     return recognized(*shared, name, answers);
   };

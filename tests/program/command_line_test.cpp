@@ -285,7 +285,7 @@ TEST(CommandLine, SlipsOfThePenGetASuggestionOrWhatThereIs) {
            {"runs --since yesterday", "--since: wants a time such as 2026-11-21"},
            {"export last", "export: wants one of --csv, --mcap, --tiff, --mkv, --hdf5"},
            {"export last --csv --tiff", "--tiff excludes --csv"},
-           {"docs safety here", "only stubs and instrument take a second word"},
+           {"docs safety here", "only stubs are written into a folder"},
            {"run idle.lua --view-port 70000", "70000"}}) {
     expect_refused(place, words, {answer});
   }
