@@ -255,7 +255,7 @@ class Run:
             samples = np.array([row[2:] for row in rows], dtype=float).reshape(len(rows), len(units))
         except (TypeError, ValueError) as error:
             raise RecordError(f"{self.folder}: a sample of '{name}' is broken: {error}") from error
-        table = pd.DataFrame(samples, columns=list(units), index=pd.Index(times * 1e-9, name="t"))
+        table = pd.DataFrame(samples, columns=list(units), index=pd.Index(times / 1e9, name="t"))
         table.insert(0, "t_ns", times)
         table.attrs = {"run": self.name, "stream": name, "source": streams[name]["source"], "units": {"t_ns": "ns", **units}}
         return table, rows[-1][0] if rows else None
@@ -282,7 +282,7 @@ class Run:
                                             "height_px", "pixel_type", "file", "offset", "bytes", "crc32"])
         # Absent where the camera has no clock of its own, and exact where it has.
         table["t_device_ns"] = pd.array([row[3] for row in rows], dtype="Int64")
-        table.index = pd.Index(table["t_ns"].to_numpy(dtype=np.int64) * 1e-9, name="t")
+        table.index = pd.Index(table["t_ns"].to_numpy(dtype=np.int64) / 1e9, name="t")
         return Frames(self.folder, camera, table)
 
     @property
@@ -299,7 +299,7 @@ class Run:
         with self._open() as database:
             table = pd.DataFrame(database.dicts(name, "seq"), columns=columns)
         table["t_ns"] = table["t_ns"].astype(np.int64)
-        table.index = pd.Index(table["t_ns"].to_numpy() * 1e-9, name="t")
+        table.index = pd.Index(table["t_ns"].to_numpy() / 1e9, name="t")
         table.attrs = {"run": self.name, "units": {"t_ns": "ns"}}
         return table
 
