@@ -63,9 +63,15 @@ class Catalog(unittest.TestCase):
         self.assertTrue(vitreo.runs(self.folder).equals(first))
         name = support.recorded().name
         with sqlite3.connect(self.folder / name / "run.sqlite") as database:
-            database.execute("UPDATE run SET operator='Berta'")
+            database.execute("UPDATE stop SET exit_status='uncertain'")
         database.close()
-        self.assertEqual(vitreo.runs(self.folder).operator[name], "Berta")
+        self.assertEqual(vitreo.runs(self.folder).outcome[name], "uncertain")
+        size = (self.folder / name / "run.sqlite").stat().st_size
+        with sqlite3.connect(self.folder / name / "run.sqlite") as database:
+            database.execute("UPDATE stop SET exit_status='different'")
+        database.close()
+        self.assertEqual((self.folder / name / "run.sqlite").stat().st_size, size)
+        self.assertEqual(vitreo.runs(self.folder).outcome[name], "different", "of the same size, and the same inode")
         os.rename(self.folder / name, self.folder / "2030-renamed")
         self.assertEqual(list(vitreo.runs(self.folder).index), [support.servoed().name, "2030-renamed"])
         shutil.rmtree(self.folder / "2030-renamed")
