@@ -167,6 +167,7 @@ class Live:
                         last = message.get("status")
                         yield last
             # A run closes the connection of a client that does not read for long: then it is still there.
+            time.sleep(_LOOK)
 
     def wait_until(self, condition, timeout=None):
         """Waits until condition(status) holds and returns that status. Throws RunError at the run's end, or after timeout, s."""

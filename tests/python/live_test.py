@@ -4,6 +4,7 @@ SPDX-License-Identifier: Apache-2.0
 
 import os
 import threading
+import time
 import unittest
 
 import support
@@ -67,10 +68,10 @@ class Live(unittest.TestCase):
         live = self.begun()
         seen = []
         follower = threading.Thread(target=lambda: seen.extend(vitreo.attach(live.name).follow()))
-        follower.start()
         live.wait_until(lambda status: "question" in status, 60)
-        while not seen:
-            pass
+        follower.start()
+        while not seen and follower.is_alive():
+            time.sleep(0.01)
         live.answer("2mm")
         live.wait_until(lambda status: status["progress"] > 0, 60)
         live.abort()

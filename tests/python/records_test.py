@@ -7,6 +7,7 @@ import decimal
 import importlib.util
 import math
 import re
+import sqlite3
 import unittest
 import zlib
 
@@ -119,6 +120,16 @@ class Records(unittest.TestCase):
         # The row's CRC is of the image in memory, blue first.
         for i, row in enumerate(frames.table.itertuples()):
             self.assertEqual(zlib.crc32(frames[i][..., ::-1].tobytes()), row.crc32)
+
+    def test_frames_of_16_bits_are_little_endian(self):
+        """No camera of the simulated rig has more than 8 bits: two pixels of a real frame are taken for one."""
+        folder = support.copied(self.record, "deep")
+        with sqlite3.connect(folder / "run.sqlite") as database:
+            database.execute("UPDATE frame SET pixel_type=1, width_px=width_px/2")
+        database.close()
+        for gray, deep in zip(self.record.frames("top_camera"), vitreo.open_run(folder).frames("top_camera")):
+            self.assertEqual((deep.dtype, deep.shape), (np.uint16, (gray.shape[0], gray.shape[1] // 2)))
+            self.assertTrue((deep == gray[:, ::2] + 256 * gray[:, 1::2].astype(int)).all())
 
     def test_tables_plots_pictures_and_links(self):
         table, = self.record.tables
