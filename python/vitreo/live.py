@@ -23,7 +23,7 @@ import time
 import numpy as np
 
 from .errors import RecordError, RunError
-from .record import Run
+from .record import Run, is_recording
 from .units import si_unit
 
 _PATIENCE = 5  # s, for a reply
@@ -180,6 +180,15 @@ class Live:
                 raise RunError(f"{self.name}: waited {timeout} s; the run is {status['text']}")
             time.sleep(0.05)
 
+    def wait(self, timeout=None):
+        """Waits until the record is closed and returns it (Run): its outcome says how it ended. Throws RunError after timeout, s."""
+        deadline = math.inf if timeout is None else time.monotonic() + timeout
+        while is_recording(self.folder):
+            if time.monotonic() > deadline:
+                raise RunError(f"{self.name}: still goes on after {timeout} s")
+            time.sleep(0.05)
+        return self.record
+
     def answer(self, text, by=None):
         """Answers the open question, as it would be typed: "3mm", "yes"."""
         return self._command("answer", by, text=str(text))
@@ -223,7 +232,7 @@ class Live:
         """Yields the new samples of a stream as tables, looking every so many s, until the run is over; none twice."""
         record, seq = self.record, 0
         while True:
-            over = not self.is_going_on()  # looked at first: what came before the end is still to be read
+            over = not is_recording(self.folder)  # looked at first: what came before the end is still to be read
             if name in record.streams:  # a stream begins with what makes it
                 table, last = record._samples(name, "seq > ?", seq)
                 if last is not None:
@@ -289,7 +298,7 @@ class Started(Live):
         return self.process.poll() is None
 
     def wait(self, timeout=None):
-        """Waits for the end and returns the record (Run): its outcome says how it ended. Throws RunError after timeout, s."""
+        """As Live.wait, for the end of the program, too; where no record came of it, RunError with what it said."""
         try:
             self.process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -306,7 +315,9 @@ def attach(run="", folder=None):
         raise RunError(f"no run that is going on begins with '{run}'" if run else "no run is going on")
     if len(fitting) > 1:
         raise RunError(f"several runs are going on: {', '.join(fitting)}; say which")
-    return Live(fitting[0], folder and pathlib.Path(folder) / fitting[0])
+    live = Live(fitting[0], folder and pathlib.Path(folder) / fitting[0])
+    live.folder  # found while it goes on: its record is to be had afterwards too
+    return live
 
 
 def _program(program):
