@@ -264,7 +264,7 @@ struct Servo::Loop {
     status.time = frame.exposed;
     status.position = observation.position;
     status.disturbance.reset();
-    if (step.estimate) status.disturbance = step.estimate->disturbance;
+    if (step.estimate) status.disturbance = step.estimate->unexplained();
     status.target = target.position;
     if (step.currents.size() > 0) status.field = step.field;
     status.headroom = step.headroom;
