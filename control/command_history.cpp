@@ -50,12 +50,11 @@ void CommandHistory::pass(Motion& motion, const Eigen::Vector3d& commanded, doub
 }
 
 // Piecewise: from one command's effect to the next, each span by pass().
-// Before the first command that is known the robot is taken as not commanded.
 CommandHistory::Motion CommandHistory::advance(const Eigen::Vector3d& velocity, double from,
                                                double to) const {
   Motion motion;
   motion.velocity = velocity;
-  Eigen::Vector3d acting = Eigen::Vector3d::Zero();
+  Eigen::Vector3d acting = before_;
   double now = from;
   for (std::size_t k = 0; k < size_ && now < to; ++k) {
     const Entry& next = entry(k);
@@ -70,8 +69,17 @@ CommandHistory::Motion CommandHistory::advance(const Eigen::Vector3d& velocity, 
   return motion;
 }
 
-// What is forgotten cannot be asked for again: `time` is that of the estimator's state, which never
-// goes back.
+// From the command that acted twenty lags before: what is wrong of the velocity there has decayed
+// to e^-20, two parts in a billion.
+Eigen::Vector3d CommandHistory::velocity_at(double time) const {
+  const double start = time - memory();
+  Eigen::Vector3d acting = before_;
+  for (std::size_t k = 0; k < size_ && entry(k).effect <= start; ++k) acting = entry(k).velocity;
+  return advance(acting, start, time).velocity;
+}
+
+// What is forgotten cannot be asked for again: `time` is that of the estimator's state, less its
+// own memory, which never goes back.
 void CommandHistory::forget_before(double time) {
   // The command that acts at `time` stays: the newest that took effect by then.
   while (size_ > 1 && entry(1).effect <= time) {

@@ -21,9 +21,16 @@ class CommandHistory {
     Eigen::Vector3d moved{0, 0, 0};     // m
     Eigen::Vector3d velocity{0, 0, 0};  // m/s, at the end, behind the lag
   };
+  /// What acted before the first command, m/s: 0, or the fall of a robot whose coils were off.
+  void set_before(const Eigen::Vector3d& velocity) { before_ = velocity; }
   /// The motion from time `from` to `to` (s), when the velocity behind the lag was `velocity` (m/s)
-  /// at `from`. Before the first command 0 was commanded.
+  /// at `from`.
   Motion advance(const Eigen::Vector3d& velocity, double from, double to) const;
+  /// m/s behind the lag at `time`, from the commands of the twenty lags before it, which must not
+  /// be forgotten.
+  Eigen::Vector3d velocity_at(double time) const;
+  /// s before the time of a velocity_at() for which commands count.
+  double memory() const { return 20 * lag_; }
   /// Drops the commands that no advance() from `time` or later needs.
   void forget_before(double time);
   void clear() { size_ = 0; }
@@ -37,8 +44,9 @@ class CommandHistory {
   const Entry& entry(std::size_t k) const { return ring_[(first_ + k) % kCapacity]; }
   void pass(Motion& motion, const Eigen::Vector3d& commanded, double span) const;
 
-  double delay_;  // s
-  double lag_;    // s
+  double delay_;                     // s
+  double lag_;                       // s
+  Eigen::Vector3d before_{0, 0, 0};  // m/s
   std::array<Entry, kCapacity> ring_;
   std::size_t first_ = 0;
   std::size_t size_ = 0;

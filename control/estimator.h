@@ -1,4 +1,5 @@
-// Position estimator: a Kalman filter on the robot's position and disturbance velocity.
+// Position estimator: a Kalman filter on the robot's position and disturbance velocity, and on what
+// the model has wrong of the loop: its gain and its delay.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,16 +12,21 @@
 namespace vitreo::control {
 
 struct EstimatorSettings {
-  double command_delay = 0.05;      // s, from a command to the first of its effect
-  double command_lag = 0.0106;      // s, of the coils: 15 Hz
-  double disturbance_walk = 60e-6;  // m/s per sqrt(s): how fast the model's error changes
-  // relative standard deviation of the response to a change of the command
-  double actuation_uncertainty = 0.2;
+  double command_delay = 0.05;        // s, from a command to the first of its effect
+  double command_lag = 0.0106;        // s, of the coils: 15 Hz
+  double disturbance_walk = 60e-6;    // m/s per sqrt(s): how fast the model's error changes
   double position_walk = 1e-6;        // m per sqrt(s): unmodelled motion
   double initial_disturbance = 3e-4;  // m/s, standard deviation before anything was measured
-  double max_disturbance = 2e-3;      // m/s: held below, so that a robot held fast winds nothing up
-  double max_age = 1;                 // s without a measurement after which nothing is known
-  double gate_error = 20e-6;          // m: of the model, added to what the gate allows
+  // m/s: held below, so that a robot held fast winds nothing up. Far above what a free robot shows.
+  double max_disturbance = 6e-3;
+  // Relative: standard deviation, before anything was measured, of the true gain (moment over drag)
+  // against the believed one. 0: it is known.
+  double gain_sigma = 0;
+  double gain_walk = 4e-3;    // per sqrt(s)
+  double delay_sigma = 0;     // s, the same of the delay; 0: it is known
+  double delay_walk = 5e-4;   // s per sqrt(s)
+  double max_age = 1;         // s without a measurement after which nothing is known
+  double gate_error = 20e-6;  // m: of the model, added to what the gate allows
   // standard deviations beyond which a measurement is rejected; 0: never. Wide: at a corner a wrong
   // model makes innovations of many
   double gate = 20;
@@ -36,21 +42,41 @@ struct PositionMeasurement {
 
 struct PositionEstimate {
   Eigen::Vector3d position{0, 0, 0};     // m, world
-  Eigen::Vector3d disturbance{0, 0, 0};  // m/s: the robot's velocity beyond the commanded
+  Eigen::Vector3d disturbance{0, 0, 0};  // m/s: d in p' = d + (1 + gain) u
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();  // of both
-  double age = 0;  // s since the last measurement was taken
+  double gain = 0;         // the true response to a command is 1 + gain of the believed one
+  double gain_sigma = 0;   // its standard deviation
+  double delay = 0;        // s: the true delay less the believed one
+  double delay_sigma = 0;  // s
+  Eigen::Vector3d commanded{0, 0, 0};  // m/s: u behind delay and lag, at the time of the estimate
+  double age = 0;                      // s since the last measurement was taken
+  /// m/s: the robot's velocity beyond the commanded one.
+  Eigen::Vector3d unexplained() const { return disturbance + gain * commanded; }
 };
 
-/// Kalman filter of x = [p; d], p' = u + d, d' = white noise; u is the commanded velocity behind
-/// delay and lag. Measurements may come late, irregularly or not at all, but in the order in which
-/// they were taken: the state is of the last one's time, and any later time is predicted through
-/// the buffered commands. The equations: docs/control.md.
+/// What the last measurement said.
+struct Innovation {
+  Eigen::Vector3d value{0, 0, 0};                            // m: measured less predicted
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  // m^2, that the filter gives it
+  double normalized = 0;  // squared Mahalanobis distance; 3 in the mean where the filter is right
+};
+
+/// Kalman filter of x = [p; d; g; tau]:
+///   p' = d + (1 + g) u(t - delay - tau),  d', g', tau' = white noise,
+/// u the commanded velocity behind delay and lag, g the gain's error and tau the delay's, both
+/// within wide bounds. Measurements may come late, irregularly or not at all, but in the order in
+/// which they were taken: the state is of the last one's time, and any later time is predicted
+/// through the buffered commands. The equations: docs/control.md.
 class PositionEstimator {
  public:
   explicit PositionEstimator(const EstimatorSettings& settings);
   /// What the coils were given from `time` on: the velocity left after every limit, so that a limit
   /// winds nothing up.
   void command(double time, const Eigen::Vector3d& velocity);
+  /// What acts before the first command, m/s (CommandHistory::set_before).
+  void set_before(const Eigen::Vector3d& velocity) { commands_.set_before(velocity); }
+  /// The disturbance's walk from now on, m/s per sqrt(s), above 0.
+  void set_disturbance_walk(double walk);
   /// Throws std::invalid_argument naming what is not finite, a covariance that is not positive
   /// definite, or time that runs backwards. False: rejected, beyond the gate; the third in a row is
   /// taken as the new position.
@@ -59,25 +85,43 @@ class PositionEstimator {
   /// before the first measurement, and when the last is older than max_age. Throws
   /// std::invalid_argument for a time before the last measurement.
   std::optional<PositionEstimate> at(double time) const;
+  /// Of the last measurement that was used; nothing before the second one.
+  const std::optional<Innovation>& innovation() const { return innovation_; }
+  /// Of the last update: by what m, and m/s, an innovation of 1 m changed position and velocity
+  /// (disturbance and gain together); 1 and 1/s.
+  const Eigen::Matrix3d& position_gain() const { return position_gain_; }
+  const Eigen::Matrix3d& velocity_gain() const { return velocity_gain_; }
+  /// Gain or delay met its bound at the last update: as uncertain again as at the start.
+  bool at_bound() const { return at_bound_; }
   void reset();
 
  private:
-  using Vector6 = Eigen::Matrix<double, 6, 1>;
-  using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  Matrix6 predicted_covariance(double span) const;
-  bool update(const PositionMeasurement& measurement, const Eigen::Vector3d& predicted,
-              const Matrix6& covariance);
-  void start_at(const PositionMeasurement& measurement,
-                const Eigen::Matrix3d& disturbance_covariance);
+  static constexpr int kStates = 8;
+  using State = Eigen::Matrix<double, kStates, 1>;
+  using Covariance = Eigen::Matrix<double, kStates, kStates>;
+  struct Prediction {
+    State state;
+    Covariance covariance;
+    Eigen::Vector3d commanded;  // m/s at its end
+  };
+  CommandHistory::Motion commanded_motion(double time, double shift) const;
+  Prediction predict(double time) const;
+  bool update(const PositionMeasurement& measurement, const Prediction& predicted);
+  void start_at(const PositionMeasurement& measurement, const Eigen::Matrix3d& disturbance);
+  void keep_in_bounds();
+  void keep_certain();
 
   EstimatorSettings settings_;
   CommandHistory commands_;
   bool started_ = false;
-  int rejected_ = 0;                    // in a row
-  double time_ = 0;                     // s, of the state
-  Vector6 state_ = Vector6::Zero();     // position, disturbance
-  Eigen::Vector3d commanded_{0, 0, 0};  // m/s behind the lag, at time_
-  Matrix6 covariance_ = Matrix6::Zero();
+  bool at_bound_ = false;
+  int rejected_ = 0;  // in a row
+  double time_ = 0;   // s, of the state
+  State state_ = State::Zero();
+  Covariance covariance_ = Covariance::Zero();
+  std::optional<Innovation> innovation_;
+  Eigen::Matrix3d position_gain_ = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d velocity_gain_ = Eigen::Matrix3d::Zero();
 };
 
 }  // namespace vitreo::control

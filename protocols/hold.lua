@@ -58,6 +58,26 @@ local function align(run, servo)
   servo:set_offset(servo:status().offset + vector(off "x", 0, off "z"))
 end
 
+-- How far the loop is from oscillating, and what it found of itself: a table, and two results.
+local function margins(run, servo, when)
+  local m = servo:margins()
+  if not m then return end
+  run:result("gain_margin", m.gain_up)
+  run:result("delay_margin", m.delay_more, "s")
+  run:table {
+    title = "The loop " .. when .. ": margins with the gains in use, and what was estimated",
+    header = { "what", "value" },
+    rows = {
+      { "gain margin, dB", ("%.1f"):format(20 * math.log(m.gain_up, 10)) },
+      { "delay margin, ms", ("%.0f"):format(m.delay_more * 1000) },
+      { "gain, 1/s; observer, rad/s", ("%.2f; %.2f"):format(m.proportional, m.bandwidth) },
+      { "response over the believed one", ("%.2f ± %.2f"):format(m.gain, m.gain_sigma) },
+      { "delay beyond the believed one, ms", ("%.0f ± %.0f"):format(m.delay * 1000, m.delay_sigma * 1000) },
+      { "normalized innovation; correlation", ("%.2f; %.2f"):format(m.innovation, m.correlation) },
+    },
+  }
+end
+
 local function hold(run, servo, p, aligned)
   servo:go_to(place, { within = 1 * mm, settle = 0 })
   run:wait(p.settle)
@@ -123,6 +143,7 @@ return {
       servo:wait_until_tracked { timeout = 10 * s }
       run:checkpoint("before the hold, " .. law)
       local held = hold(run, servo, p, aligned)
+      if law == p.law then margins(run, servo, "at the hold's end") end
       run:checkpoint("before the square, " .. law)
       local went = square(run, servo, p)
       held.law, went.law = law, law

@@ -24,6 +24,12 @@ void CoilBankSettings::check(int coils) const {
   require_positive(thermal_resistance, "coil_thermal_resistance");
   require_positive(ambient, "ambient");
   require_positive(supply_voltage, "supply_voltage");
+  require(
+      std::isfinite(gain_temperature_coefficient) && std::abs(gain_temperature_coefficient) < 5e-3,
+      "heat.gain_temperature_coefficient must be within 0.005 1/K");
+  require_not_negative(saturation, "core.saturation");
+  require_not_negative(remanence, "core.remanence");
+  require(reversal_slope >= 0 && reversal_slope <= 1, "core.reversal_slope must be in [0, 1]");
   require_not_negative(one_shot, "one_shot");
   for (const int coil : dead)
     if (coil < 1 || coil > coils)
@@ -36,7 +42,7 @@ CoilBank::CoilBank(const CoilBankSettings& settings, int coils)
     : settings_(settings), keep_(std::exp(-2 * M_PI * settings.bandwidth * kCoilStep)) {
   settings_.check(coils);
   if (settings_.one_shot > 0) relay_.emplace(from_seconds(settings_.one_shot));
-  target_ = currents_ = control::Currents::Zero(coils);
+  target_ = currents_ = lagging_ = control::Currents::Zero(coils);
   temperatures_ = control::Currents::Constant(coils, settings_.ambient);
 }
 
@@ -73,15 +79,38 @@ void CoilBank::step(Time start) {
     const double most = settings_.supply_voltage / resistance;
     const double target = on ? std::clamp(target_[coil], -most, most) : 0;
     double& current = currents_[coil];
+    const double before = current;
     current = std::clamp(target + keep_ * (current - target), -most, most);
+    // Elastoplastic stop operator (Prandtl; Brokate & Sprekels 1996, 2.1). In an open core
+    // H = N M + H_i: the demagnetizing factor N sets the slope, and the iron's own H_i, which has
+    // the hysteresis, rises after a reversal as M / chi_i, a part 1 / (chi_i N) of it, up to the
+    // coercive field.
+    lagging_[coil] = std::clamp(lagging_[coil] + settings_.reversal_slope * (current - before),
+                                -settings_.remanence, settings_.remanence);
     temperatures_[coil] += kCoilStep / settings_.heat_capacity *
                            (current * current * resistance - warmth / settings_.thermal_resistance);
   }
 }
 
+// The core's magnetization over the current: linear well below saturation, as annealed iron is,
+// with a knee of the fourth power: i / (1 + (i / s)^4)^(1/4).
+control::Currents CoilBank::effective() const {
+  control::Currents field = currents_ - lagging_;
+  for (int coil = 0; coil < field.size(); ++coil) {
+    if (settings_.saturation > 0) {
+      const double part = field[coil] / settings_.saturation;
+      const double square = part * part;
+      field[coil] /= std::sqrt(std::sqrt(1 + square * square));
+    }
+    field[coil] *=
+        1 + settings_.gain_temperature_coefficient * (temperatures_[coil] - settings_.ambient);
+  }
+  return field;
+}
+
 // White current noise, one sample a step; a dead coil has none.
 control::Currents CoilBank::noisy(std::mt19937_64& random) {
-  control::Currents flowing = currents_;
+  control::Currents flowing = effective();
   for (double& current : flowing) current += settings_.noise * normal_(random);
   for (const int coil : settings_.dead) flowing[coil - 1] = 0;
   return flowing;

@@ -1,5 +1,6 @@
-// Coils and their amplifiers: delay, lag, noise and heat. The quantization is in the set-points,
-// which come through the USB-3103's emulator in counts.
+// Coils and their amplifiers: delay, lag, noise and heat, and their cores: saturation and
+// hysteresis. The quantization is in the set-points, which come through the USB-3103's emulator in
+// counts.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -23,7 +24,15 @@ struct CoilBankSettings {
   double heat_capacity = 770;                // J/K: 2 kg of copper
   double thermal_resistance = 0.5;           // K/W to the surroundings
   double ambient = 293.15;                   // K
-  double supply_voltage = 48;   // V: a hot coil's current is at most this over its resistance
+  double supply_voltage = 48;  // V: a hot coil's current is at most this over its resistance
+  // 1/K: what a coil's field per ampere gains as it warms; negative, it falls
+  double gain_temperature_coefficient = 0;
+  double saturation = 0;  // A: of the field of a core that is saturated; 0: it is linear
+  // Hysteresis of the cores. A: the field that is left at zero current is that of up to this; 0:
+  // none. After a reversal it stays behind by this part of the current's change, until that is the
+  // remanence.
+  double remanence = 0;
+  double reversal_slope = 0.01;
   std::vector<int> dead;        // coils that carry no current, counted from 1
   double one_shot = 0;          // s, of the relay of a heartbeat line; 0: the amplifiers are on
   void check(int coils) const;  // throws std::invalid_argument naming the parameter
@@ -41,7 +50,9 @@ class CoilBank {
   void step(Time start);
   const control::Currents& currents() const { return currents_; }          // A, without the noise
   const control::Currents& temperatures() const { return temperatures_; }  // K
-  control::Currents noisy(std::mt19937_64& random);                        // A
+  /// A: what would make the same field in cold coils whose cores are linear and remember nothing.
+  control::Currents effective() const;
+  control::Currents noisy(std::mt19937_64& random);  // A, effective with the amplifiers' noise
 
  private:
   struct Command {
@@ -55,6 +66,7 @@ class CoilBank {
   control::Currents target_;
   control::Currents currents_;
   control::Currents temperatures_;
+  control::Currents lagging_;  // A: hysteresis, what the fields are behind the currents
   std::normal_distribution<double> normal_;
 };
 

@@ -24,7 +24,9 @@ enum class Purpose : std::uint64_t {
   background,
   top_jitter,
   side_jitter,
-  probe
+  probe,
+  plant,
+  pose_jitter
 };
 std::uint64_t seed_for(std::uint64_t seed, Purpose purpose);
 /// A hash of the three numbers (the finalizer of SplitMix64).

@@ -44,26 +44,6 @@ class SimulatedSampleHandler : public SampleHandler {
   Clock& clock_;
 };
 
-// The true plant: the settings with their perturbations sampled, each from a stream of its own, so
-// that a change of one sigma leaves the other samples as they were.
-// The operator tunes last, on the plant as it was sampled.
-WorldSettings sampled_world(const LaboratorySettings& settings, std::uint64_t seed) {
-  const auto stream = [seed](Purpose purpose) { return std::mt19937_64(seed_for(seed, purpose)); };
-  WorldSettings world = settings.world;
-  auto field = stream(Purpose::field);
-  auto moment = stream(Purpose::moment);
-  auto roll = stream(Purpose::roll);
-  auto tuning = stream(Purpose::tuning);
-  std::normal_distribution<double> normal;
-  world.field = perturbed(world.field, settings.field_perturbation, field);
-  world.moment_gain *= 1 + settings.moment_sigma * std::normal_distribution<double>()(moment);
-  world.roll += settings.roll_sigma * normal(roll);
-  if (settings.hand_tuning)
-    world.extra_force +=
-        force_left_by_tuning(*settings.hand_tuning, world, settings.believed_field, tuning);
-  return world;
-}
-
 // Offset errors of the output channels, N(0, offset) in counts.
 usb3103::EmulatorSettings sampled_dac(double offset, std::uint64_t seed) {
   usb3103::EmulatorSettings dac;
@@ -122,7 +102,36 @@ cv::Mat side_ground(int width, int height) {
   return ground;
 }
 
+// The cameras are those of the laboratory, whichever machine is in it.
+CameraSettings sampled_camera(CameraSettings camera, const PlantSample& sample) {
+  // An image arrives when its exposure is over.
+  camera.latency = std::max(sampled_latency(sample, camera.latency), camera.exposure / 2);
+  camera.jitter = std::max(camera.jitter, std::min(sample.jitter, 0.1 / camera.frame_rate));
+  return camera;
+}
+
 }  // namespace
+
+// The true plant: the settings with their perturbations sampled, each from a stream of its own, so
+// that a change of one sigma leaves the other samples as they were.
+// The operator tunes last, on the plant as it was sampled.
+WorldSettings sampled_world(const LaboratorySettings& settings, std::uint64_t seed) {
+  const auto stream = [seed](Purpose purpose) { return std::mt19937_64(seed_for(seed, purpose)); };
+  WorldSettings world = settings.world;
+  auto field = stream(Purpose::field);
+  auto moment = stream(Purpose::moment);
+  auto roll = stream(Purpose::roll);
+  auto tuning = stream(Purpose::tuning);
+  std::normal_distribution<double> normal;
+  world.field = perturbed(world.field, settings.field_perturbation, field);
+  apply(sample_plant(settings.sigmas, seed), world);
+  world.moment_gain *= 1 + settings.moment_sigma * std::normal_distribution<double>()(moment);
+  world.roll += settings.roll_sigma * normal(roll);
+  if (settings.hand_tuning)
+    world.extra_force +=
+        force_left_by_tuning(*settings.hand_tuning, world, settings.believed_field, tuning);
+  return world;
+}
 
 struct Laboratory::State {
   State(Laboratory& owner, const LaboratorySettings& given, Clock& the_clock,
@@ -268,6 +277,7 @@ struct Laboratory::State {
   Clock& clock;
   std::uint64_t seed;                 // of everything
   std::uint64_t machine_seed = seed;  // of the machine, which redraw() changes
+  int machines = 1;
   Faults faults;
   double light = 1;
   control::Currents set_points;  // A, of the amplifiers; as they were told
@@ -289,6 +299,7 @@ struct Laboratory::State {
 Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::uint64_t seed) {
   settings.top.check();
   settings.side.check();
+  settings.sigmas.check();
   settings.eye.check();
   require(settings.sensor_aperture > 0 && settings.sensor_aperture < 1,
           "sensor_aperture must be in (0, 1)");
@@ -297,8 +308,9 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
           "eye: a system with a condensing lens before surface 6 is wanted");
   state_ = std::make_unique<State>(*this, settings, clock, seed);
   State& state = *state_;
-  const auto& top = settings.top;
-  const auto& side = settings.side;
+  const PlantSample sample = sample_plant(settings.sigmas, seed);
+  const CameraSettings top = sampled_camera(settings.top, sample);
+  const CameraSettings side = sampled_camera(settings.side, sample);
   state.top = std::make_unique<SimulatedCamera>(
       CameraInfo{"simulated microscope camera", top.size.width, top.size.height, 1 / top.frame_rate,
                  settings.top_image.pixel},
@@ -385,6 +397,7 @@ void Laboratory::use_field(const control::FieldModel& field) {
 
 void Laboratory::redraw(std::uint64_t seed) {
   state_->machine_seed = seed;
+  ++state_->machines;
   state_->world = World(sampled_world(state_->settings, seed), seed_for(seed, Purpose::world));
 }
 
@@ -440,6 +453,19 @@ std::optional<Truth> Laboratory::truth(Time time) {
 CoilTruth Laboratory::coils(Time time) {
   World& world = state_->world;
   return {state_->set_points, world.currents(time), world.coil_temperatures(time)};
+}
+
+// The moment is the product of the rig file's factor and what was drawn.
+std::vector<std::pair<std::string, double>> Laboratory::drawn() const {
+  auto values = sample_plant(state_->settings.sigmas, state_->machine_seed).named();
+  values.emplace_back("moment_factor", state_->world.settings().moment_gain);
+  return values;
+}
+
+int Laboratory::machines() const { return state_->machines; }
+
+double Laboratory::latency_of(double latency) const {
+  return sampled_latency(sample_plant(state_->settings.sigmas, state_->seed), latency);
 }
 
 }  // namespace vitreo::sim

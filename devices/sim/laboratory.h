@@ -10,9 +10,11 @@
 #include "devices/roles/sample_handler.h"
 #include "devices/sim/faults.h"
 #include "devices/sim/hardware_sample.h"
+#include "devices/sim/plant_sample.h"
 #include "devices/sim/probe.h"
 #include "devices/sim/renderer.h"
 #include "devices/sim/simulated_camera.h"
+#include "devices/sim/truth.h"
 #include "devices/sim/world.h"
 #include "optics/projection/single_viewpoint.h"
 #include "optics/rays/observer.h"
@@ -35,6 +37,7 @@ struct LaboratorySettings {
   control::FieldPerturbation field_perturbation;  // of world.field, sampled from the seed
   double moment_sigma = 0.05;  // relative, of the robot's true moment, sampled from the seed
   double roll_sigma = 0;       // rad, about world.roll, sampled from the seed
+  PlantSigmas sigmas;          // of the plant's other parameters, sampled from the seed
   std::optional<HandTuning> hand_tuning;  // before the run; nothing: untrimmed
   // the model with which the operator tuned
   control::FieldModel believed_field = control::CoilField::octomag();
@@ -63,22 +66,9 @@ struct LaboratorySettings {
   Eigen::Vector3d drawn_shift{0, 0, 0};  // added to where the cameras draw the robot
 };
 
-/// The true state, for the record and the tests. No type of the loop knows it.
-struct Truth {
-  Eigen::Vector3d position;             // m, world
-  Eigen::Vector3d axis;                 // unit, world
-  control::Currents currents;           // A, as they flow
-  control::Currents coil_temperatures;  // K
-  // the robot is outside the region of the plant's calibration: World::beyond_calibration
-  bool beyond_calibration = false;
-};
-
-/// The coils as they are, whether or not a robot is there.
-struct CoilTruth {
-  control::Currents set_points;    // A, what the amplifiers were last told
-  control::Currents currents;      // A, as they flow
-  control::Currents temperatures;  // K
-};
+/// The plant of a machine: the settings' with everything sampled from its seed, what the operator's
+/// tuning left included. The World that the laboratory simulates is made of it.
+WorldSettings sampled_world(const LaboratorySettings& settings, std::uint64_t seed);
 
 class Laboratory {
  public:
@@ -114,8 +104,8 @@ class Laboratory {
   void set_enable_line(bool high);
   /// T, as it really is at `position` (m, world frame).
   Eigen::Vector3d field(const Eigen::Vector3d& position, Time time);
-  /// Another machine of the same kind, its field and the robot's moment sampled from `seed`;
-  /// without a robot, its currents zero until the next set-point.
+  /// Another machine of the same kind, its plant sampled from `seed`; without a robot, its currents
+  /// zero until the next set-point. The cameras stay.
   void redraw(std::uint64_t seed);
   /// The machine of the last seed with coils that are exactly these, for every later sample too, in
   /// the background that there is. Throws std::invalid_argument for another number of coils.
@@ -139,6 +129,13 @@ class Laboratory {
   std::optional<Truth> truth(Time time);
   /// At `time`, or now where that is past.
   CoilTruth coils(Time time);
+  /// What was drawn of the machine that there is, with the moment: a name and value of each, for
+  /// the record.
+  std::vector<std::pair<std::string, double>> drawn() const;
+  /// Counts the machines that there have been: it rises with each redraw().
+  int machines() const;
+  /// s: of an instrument in this laboratory, where it should be `latency`.
+  double latency_of(double latency) const;
 
  private:
   struct State;

@@ -162,7 +162,7 @@ const control::Currents& World::coil_temperatures(Time time) {
 // At the currents of the newest step, without their noise: what flows, not what one instant shows.
 control::FieldGradient World::field(Time time, const Eigen::Vector3d& position) {
   advance_to(time);
-  return field_at(position, coils_.currents());
+  return field_at(position, coils_.effective());
 }
 
 // B(p) = B(p0) + G(p0) (p - p0) outside the calibration's region, p0 the nearest position inside: a

@@ -107,7 +107,9 @@ class RunSession {
     for (const Fault& fault : stage.faults) faults_.add(fault);
     if (request.how.companion) request.how.companion(session_);
     const double period = truth_period(session_.rig);
-    if (sim::Laboratory* const world = stage.rig->laboratory(); world != nullptr && period > 0)
+    sim::Laboratory* const world = stage.rig->laboratory();
+    if (world != nullptr) record_machine(*stage.recorder, stage.clock->now(), *world);
+    if (world != nullptr && period > 0)
       session_.keep(observe_truth(*stage.clock, *world, period, *stage.recorder));
   }
   ~RunSession() { stage_.rig->on_unguarded({}); }

@@ -144,8 +144,10 @@ class ComposedRig final : public OpenRig {
       const auto known = world_->truth(time);
       return known ? std::optional(known->position) : std::nullopt;
     };
-    pose_sensor_ = sim::make_pose_sensor(*settings.pose_sensor, truth, clock_, seed,
-                                         &world_->faults().looks["pose_sensor"]);
+    sim::PoseSensorSettings sensor = *settings.pose_sensor;
+    sensor.latency = world_->latency_of(sensor.latency);
+    pose_sensor_ =
+        sim::make_pose_sensor(sensor, truth, clock_, seed, &world_->faults().looks["pose_sensor"]);
     rig_.pose_sensor = pose_sensor_.get();
   }
 

@@ -16,10 +16,66 @@ namespace {
 
 constexpr double kPlantMilli = 1e-3;
 
+/// machine = "nominal": nothing is drawn, and the coils are without what is in no model. Single
+/// settings beside it still count.
+void read_machine(ConfigReader& reader, sim::LaboratorySettings& laboratory) {
+  const bool sampled = reader.choice("machine", "sampled", {"sampled", "nominal"}) == "sampled";
+  if (sampled) {
+    laboratory.sigmas = sim::PlantSigmas::stated();
+    sim::add_stated_truth(laboratory.world.coils);
+    return;
+  }
+  laboratory.field_perturbation = {0, 0, 0};
+  laboratory.moment_sigma = 0;
+  laboratory.dac_offset = 0;
+}
+
+// Relative, but for background and jitter. A third at most: three of them leave something.
+void read_sigmas(ConfigReader& reader, sim::PlantSigmas& sigmas) {
+  const auto relative = [&reader](const char* key, double& sigma) {
+    sigma = reader.number(key, sigma, {0, 0.33, ""});
+  };
+  relative("viscosity_sigma", sigmas.viscosity);
+  relative("mass_sigma", sigmas.mass);
+  relative("size_sigma", sigmas.size);
+  relative("coil_delay_sigma", sigmas.coil_delay);
+  relative("coil_bandwidth_sigma", sigmas.coil_bandwidth);
+  relative("latency_sigma", sigmas.latency);
+  sigmas.jitter = reader.number("jitter", sigmas.jitter, {0, 0.1, "s"});
+  sigmas.background =
+      reader.number("background_sigma", sigmas.background, {0, 1 * kPlantMilli, "T"});
+}
+
+// What the draws are about: by default what the loop believes.
+void read_medium(ConfigReader reader, control::Medium& medium) {
+  medium.density = reader.number("density", medium.density, {500, 3000, "kg/m^3"});
+  medium.kinematic_viscosity =
+      reader.number("kinematic_viscosity", medium.kinematic_viscosity, {1e-7, 1, "m^2/s"});
+  reader.finish();
+}
+
+// Factors of what the loop believes of the robot.
+void read_robot(ConfigReader reader, sim::WorldSettings& world) {
+  sim::PlantSample factors;
+  factors.mass = reader.number("mass", 1, {0.1, 10, ""});
+  factors.size = reader.number("size", 1, {0.1, 10, ""});
+  world.moment_gain = reader.number("moment", world.moment_gain, {0.1, 10, ""});
+  sim::apply(factors, world);
+  reader.finish();
+}
+
+void read_core(ConfigReader reader, sim::CoilBankSettings& coils) {
+  coils.saturation = reader.number("saturation", coils.saturation, {0, 1000, "A"});
+  coils.remanence = reader.number("remanence", coils.remanence, {0, 1, "A"});
+  coils.reversal_slope = reader.number("reversal_slope", coils.reversal_slope, {0, 1, ""});
+  reader.finish();
+}
+
 // C T' = I^2 R(T) - (T - T_ambient) / R_th with R = R_0 (1 + alpha (T - T_ambient)); the current is
 // at most the supply's voltage over R (docs/simulated_laboratory.md). Ohm, 1/K, J/K, K/W, K and V,
 // which a rig file gives as plain numbers.
-void read_heat(ConfigReader reader, sim::CoilBankSettings& coils) {
+// The field per ampere gains `gain_temperature_coefficient` a kelvin.
+void read_heat(ConfigReader reader, sim::CoilBankSettings& coils, sim::PlantSigmas& sigmas) {
   coils.resistance = reader.number("resistance", coils.resistance, {1e-3, 1000, ""});
   coils.temperature_coefficient =
       reader.number("temperature_coefficient", coils.temperature_coefficient, {0, 0.1, ""});
@@ -28,10 +84,13 @@ void read_heat(ConfigReader reader, sim::CoilBankSettings& coils) {
       reader.number("thermal_resistance", coils.thermal_resistance, {1e-4, 1000, ""});
   coils.ambient = reader.number("ambient", coils.ambient, {200, 400, ""});
   coils.supply_voltage = reader.number("supply_voltage", coils.supply_voltage, {0.1, 10000, ""});
+  coils.gain_temperature_coefficient = reader.number(
+      "gain_temperature_coefficient", coils.gain_temperature_coefficient, {-4e-3, 4e-3, ""});
+  sigmas.heat_gain = reader.number("gain_sigma", sigmas.heat_gain, {0, 1, ""});
   reader.finish();
 }
 
-void read_coils(ConfigReader& reader, sim::CoilBankSettings& coils) {
+void read_coils(ConfigReader& reader, sim::CoilBankSettings& coils, sim::PlantSigmas& sigmas) {
   coils.bandwidth = reader.number("coil_bandwidth", coils.bandwidth, {0.1, 10000, "Hz"});
   coils.delay = reader.number("coil_delay", coils.delay, {0, 0.3, "s"});
   coils.noise = reader.number("current_noise", coils.noise, {0, 1, "A"});
@@ -40,7 +99,8 @@ void read_coils(ConfigReader& reader, sim::CoilBankSettings& coils) {
       reader.fail("dead_coils", "must be whole numbers: coils count from 1");
     coils.dead.push_back(static_cast<int>(coil));
   }
-  read_heat(reader.table("heat"), coils);
+  read_heat(reader.table("heat"), coils, sigmas);
+  read_core(reader.table("core"), coils);
 }
 
 void read_field(ConfigReader& reader, sim::LaboratorySettings& laboratory,
@@ -180,8 +240,12 @@ void check_strength(const control::FieldModel& field) {
 void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory,
                 std::string& calibration) {
   sim::WorldSettings& world = laboratory.world;
+  read_machine(reader, laboratory);
+  read_sigmas(reader, laboratory.sigmas);
   read_field(reader, laboratory, calibration);
-  read_coils(reader, world.coils);
+  read_coils(reader, world.coils, laboratory.sigmas);
+  read_medium(reader.table("medium"), world.medium);
+  read_robot(reader.table("robot"), world);
   laboratory.moment_sigma = reader.number("moment_sigma", laboratory.moment_sigma, {0, 0.3, ""});
   laboratory.dac_offset = reader.number("dac_offset_sigma", laboratory.dac_offset, {0, 200, ""});
   world.roll = reader.number("roll", world.roll, {-M_PI, M_PI, "rad"});
@@ -190,8 +254,7 @@ void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory,
   if (reader.has("hand_tuning")) read_tuning(reader.table("hand_tuning"), laboratory.hand_tuning);
   if (reader.has("gel")) read_gel(reader.table("gel"), world.gel);
   world.friction = reader.number("friction", world.friction, {0, 2, ""});
-  world.wall_drag =
-      reader.flag("wall_drag", false);  // the servo believes the free drag, and would lag by it
+  world.wall_drag = reader.flag("wall_drag", true);
   world.flow = reader.vector3("flow", world.flow, {-10 * kPlantMilli, 10 * kPlantMilli, "m/s"});
   ConfigReader bodies = reader.table("bodies");
   for (const std::string& name : bodies.keys())

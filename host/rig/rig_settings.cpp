@@ -425,10 +425,11 @@ void add_target(RigSettings& settings) {
   bodies.push_back(ball);
 }
 
-/// The laboratory is built as the model says, and then differs by what `truth` says.
-/// What is believed and what is true are two copies from here on: `truth` changes the laboratory's
-/// alone. The cavity is the retina's sphere, with the lens as its lid.
-void share_with_laboratory(RigSettings& settings) {
+/// What the laboratory's plant is drawn about: what is believed. Two copies from here on: `truth`
+/// and the draws (read_plant) change the laboratory's alone. The optics are as believed but for
+/// what a script or the optical bench changes. The cavity is the retina's sphere, with the lens as
+/// its lid.
+void center_laboratory(RigSettings& settings) {
   sim::LaboratorySettings& laboratory = settings.laboratory;
   laboratory.eye = settings.model.eye;
   laboratory.microscope = settings.model.microscope;
@@ -447,7 +448,7 @@ void share_with_laboratory(RigSettings& settings) {
 
 // Rights and calibrations are read for their errors and their place in the resolved rig; their
 // users read them again. `truth` comes last but for finish(), since it changes what
-// share_with_laboratory() has built.
+// center_laboratory() has built.
 RigSettings read_rig_settings(ConfigReader& reader) {
   RigSettings settings;
   settings.title = reader.text("title", "untitled rig");
@@ -469,7 +470,7 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);
   read_role(reader, "field_probe", settings, settings.field_probe);
   read_free_roles(reader, settings);
-  share_with_laboratory(settings);
+  center_laboratory(settings);
   read_plant(reader.table("truth"), settings.laboratory, settings.calibration);
   add_target(settings);
   reader.finish();

@@ -5,6 +5,8 @@
 #include "host/servo/simulated_side.h"
 #include "vision/blob_tracker.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -81,6 +83,12 @@ std::optional<SideObservation> SideObservationBuffer::between(Time exposed) cons
   return view;
 }
 
+void record_machine(Recorder& recorder, Time now, const sim::Laboratory& laboratory) {
+  nlohmann::json drawn = nlohmann::json::object();
+  for (const auto& [name, value] : laboratory.drawn()) drawn[name] = value;
+  recorder.event(now, "machine", drawn.dump());
+}
+
 std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, double period,
                                     Recorder& recorder) {
   const int stream = recorder.add_stream(
@@ -90,9 +98,12 @@ std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, d
   return clock.spawn(
       "truth", [&clock, &laboratory, period = from_seconds(period), &recorder, stream] {
         // At multiples of the period, as the camera exposes: the rows have the servo's times.
+        int machines = laboratory.machines();
         for (std::int64_t number = clock.now() / period + 1;; ++number) {
           const Time exposed = number * period;
           clock.sleep_until(exposed);
+          if (laboratory.machines() != machines) record_machine(recorder, exposed, laboratory);
+          machines = laboratory.machines();
           const auto truth = laboratory.truth(exposed);
           if (!truth) continue;
           const Eigen::Vector3d& p = truth->position;

@@ -17,7 +17,12 @@
 
 namespace vitreo {
 
-/// Records the stream "truth" at the top camera's exposures while a robot is in the eye.
+/// The event "machine": what was drawn of the simulated machine, as JSON. Truth, for the record
+/// alone.
+void record_machine(Recorder& recorder, Time now, const sim::Laboratory& laboratory);
+
+/// Records the event "machine" whenever another is drawn, and the stream "truth" at the top
+/// camera's exposures while a robot is in the eye.
 std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, double period,
                                     Recorder& recorder);
 

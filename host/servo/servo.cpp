@@ -20,6 +20,10 @@ namespace {
 /// How far mean_correction() can look back.
 constexpr double kKeptCorrections = 30;  // s
 
+/// How far the law estimator may raise the field where nothing else is said, and T, the most.
+constexpr double kRaised = 3;
+constexpr double kStrongestField = 40e-3;
+
 /// A per coil; 0 for those that are dead by the rig file or by the script.
 control::CurrentLimits limits_of(const Rig& rig, const std::vector<int>& dead) {
   control::CurrentLimits limits =
@@ -47,7 +51,10 @@ ControllerSettings controller_settings(const Rig& rig, const ServoSettings& give
   loop.limits = limits_of(rig, given.dead_coils);
   loop.total_limit = rig.coils->total_limit();
   loop.period = period;
-  loop.wall_drag = given.wall_drag;
+  // Without a lens there are no walls to know of.
+  loop.wall_drag = given.wall_drag && rig.model.eye.size() > 2;
+  loop.field_max = given.field_max.value_or(
+      std::max(given.field, std::min(kRaised * given.field, kStrongestField)));
   return loop;
 }
 
@@ -222,6 +229,15 @@ struct Servo::Loop {
         step.outside, was_outside,
         "the robot is outside the region of the field's model: the field of the nearest place in "
         "it is used");
+    // Touched now and then while the robot rests, when nothing shows the delay: that says nothing.
+    constexpr double kBoundMemory = 2;  // s
+    bounded += ((step.at_bound ? 1 : 0) - bounded) * std::min(1.0, source.period() / kBoundMemory);
+    report(bounded > 0.5, was_at_bound,
+           "the robot's response or the loop's delay is farther from the model than the loop's "
+           "filter can follow");
+    report(step.inconsistent, was_inconsistent,
+           "the robot does not move as the loop's filter expects: its innovations are more than "
+           "twice as large as it says");
     report(step.passed_over, was_passed_over,
            "a measurement was passed over: not a number, out of order, or a leap");
   }
@@ -248,8 +264,9 @@ struct Servo::Loop {
     status.time = frame.exposed;
     status.position = observation.position;
     status.disturbance.reset();
-    if (step.estimate) status.disturbance = step.estimate->disturbance;
+    if (step.estimate) status.disturbance = step.estimate->unexplained();
     status.target = target.position;
+    if (step.currents.size() > 0) status.field = step.field;
     status.headroom = step.headroom;
     status.limited = step.limited;
     status.progress = 1;
@@ -327,6 +344,9 @@ struct Servo::Loop {
   bool was_limited = false;
   bool was_outside = false;
   bool was_passed_over = false;
+  bool was_at_bound = false;
+  double bounded = 0;  // part of the last turns in which the filter met a bound
+  bool was_inconsistent = false;
   Time last_seen{};
   ServoStatus status;
   Signal ticked;
@@ -419,6 +439,8 @@ Eigen::Vector3d Servo::mean_correction(double duration) const {
   }
   return loop_->controller.force_of(sum / count);
 }
+
+std::optional<ServoMargins> Servo::margins() const { return loop_->controller.margins(); }
 
 /// The next frame with an image takes it; a caption that is still waiting is replaced.
 void Servo::snapshot(const std::string& caption) { loop_->wanted_picture = caption; }

@@ -30,6 +30,7 @@ struct ServoStatus {
   std::optional<Eigen::Vector3d> disturbance;
   Eigen::Vector3d target{0, 0, 0};  // m, world: the reference at `time`
   double progress = 1;              // of the path that is being followed, 0 to 1
+  double field = 0;                 // T, that is commanded
   double headroom = 1;              // 1 - largest |current| / limit, over the living coils
   bool limited = false;             // a current limit cost something of field or force
   std::string failure;              // what ended it, in state failed
@@ -72,6 +73,9 @@ class Servo {
   /// above 1 mm.
   void set_offset(const Eigen::Vector3d& offset);
   Eigen::Vector3d offset() const;
+  /// Of the law estimator with the gains in use; nothing for other laws, and before it has
+  /// measured.
+  std::optional<ServoMargins> margins() const;
   /// Puts the next frame, with the tracked ellipse, the trail and the target drawn on it, into the
   /// record.
   void snapshot(const std::string& caption);

@@ -6,30 +6,26 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <Eigen/SVD>
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace vitreo {
 namespace {
 
-// Allocations tried for one set of currents: each finds a smaller field or force, and they converge
-// fast.
-constexpr int kMostAttempts = 8;
-// m/s asked for at most by the estimator's law, as ServoGains has it.
-constexpr double kMaxSpeed = 2e-3;
 // m, standard deviation added to every measurement: none is better, whatever its covariance says,
 // and R stays positive definite where a sensor states a singular one.
 constexpr double kFloor = 0.2e-6;
+// Normalized innovation, mean of ten seconds: a filter whose standard deviations are half of the
+// true.
+constexpr double kInconsistent = 4;
 
 void require(bool good, const char* what) {
   if (!good) throw std::invalid_argument(what);
 }
-
-/// What the interlock's total limit is about, A.
-/// Magnitudes, as opposite currents do not cancel.
-double total(const control::Currents& currents) { return currents.cwiseAbs().sum(); }
 
 }  // namespace
 
@@ -45,20 +41,16 @@ ControlLaw control_law_named(const std::string& name) {
                               "\"");
 }
 
-/// Throws std::invalid_argument naming the setting. With every coil dead there would be nothing to
-/// allocate.
+/// Throws std::invalid_argument naming the setting.
 ServoController::ServoController(const RigModel& model, const ControllerSettings& settings)
     : model_(model),
       settings_(settings),
       drag_(control::resistance(model.robot, model.medium, settings.axis)),
       mobility_(drag_.inverse()),
+      allocator_(model_, {settings.field, std::max(settings.field, settings.field_max),
+                          settings.axis, settings.limits, settings.total_limit}),
       pd_(settings.gains),
       velocity_(settings.velocity) {
-  require(settings.limits.size() == model.field.coils(), "limits: one a coil is wanted");
-  require(settings.limits.allFinite() && settings.limits.minCoeff() >= 0,
-          "limits: must be at least 0 A");
-  require(settings.limits.maxCoeff() > 0, "limits: every coil is dead");
-  require(settings.total_limit > 0, "total_limit: must be above 0 A");
   require(settings.period > 0, "period: must be above 0 s");
   require(!settings.wall_drag || model.eye.size() > 2,
           "wall_drag: needs an eye with a lens in the rig's model");
@@ -95,7 +87,10 @@ bool ServoController::take(double now, const control::PositionMeasurement& measu
   // A Cholesky factor exists exactly for a positive definite matrix.
   if (Eigen::LLT<Eigen::Matrix3d>(sound.covariance).info() != Eigen::Success) return false;
   if (!estimator_) tune(now, sound);
-  return estimator_->measure(sound);
+  const double since = sound.time - std::exchange(estimated_, sound.time);
+  const bool used = estimator_->measure(sound);
+  if (used && estimator_->innovation()) innovations_.add(*estimator_->innovation(), since);
+  return used;
 }
 
 /// Gains and filter noise from the loop as it is at its first measurement (control::tune).
@@ -110,7 +105,7 @@ void ServoController::tune(double now, const control::PositionMeasurement& first
   loop.noise = std::sqrt(first.covariance.trace() / 3);
   // Of the direction in which the robot moves most easily: there the gain is highest.
   loop.drag = drag_.diagonal().minCoeff();
-  loop.force_limit = kMaxSpeed * loop.drag;
+  loop.weight = model_.robot.net_weight(model_.medium);
   // Earnshaw's instability (thesis 6.1; facts/magnetics 2.1) by the model: the growth rate of a
   // displacement from the center in the currents that levitate the robot there.
   ControlStep held;
@@ -124,32 +119,73 @@ void ServoController::tune(double now, const control::PositionMeasurement& first
   gains.max_speed = settings_.max_speed.value_or(gains.max_speed);
   gains.check();
   estimator_.emplace(tuning_->estimator);
+  // Until the first command acts, nothing carries the robot.
+  estimator_->set_before(drag_at(first.position).inverse() * Eigen::Vector3d(0, 0, -loop.weight));
 }
 
-/// The estimator's law, u = v_ref + Kp (p_ref - p^) - d (facts/magnetics 2). Reference and
-/// estimate are those of `now + horizon`, the moment at which the currents set now take effect: the
-/// dead time is predicted away instead of limiting the gain.
+/// The estimator's law (control::servo_velocity). Reference and estimate are those of the moment at
+/// which the currents set now take effect, as far as the delay is known: the dead time is predicted
+/// away instead of limiting the gain.
 void ServoController::predict(ControlStep& step, double now, const ReferencePath& path,
                               ControlMode mode) {
   if (!estimator_) return;
   step.estimate = estimator_->at(now);
-  const double then = now + tuning_->horizon;
+  if (!step.estimate) return;
+  const double then = now + std::max(0.0, tuning_->horizon + step.estimate->delay);
   const auto ahead = estimator_->at(then);
-  if (!step.estimate || !ahead) return;
+  if (!ahead) return;
+  const control::Reference reference = control::held_reference(path, then, settings_.period);
+  plan(*ahead, mode == ControlMode::follow ? reference.velocity.norm() : 0);
   const Eigen::Matrix3d drag = drag_at(ahead->position);
   const Eigen::Matrix3d mobility = settings_.wall_drag ? drag.inverse() : mobility_;
   // Force and velocity are one thing in Stokes flow: f = R v, v = R^-1 f. The trim is a force.
   const Eigen::Vector3d trimmed = mobility * trim_;
   Eigen::Vector3d velocity = trimmed;
   if (mode == ControlMode::follow) {
-    const control::Reference reference = control::held_reference(path, then, settings_.period);
-    velocity = control::servo_velocity(tuning_->gains, reference, *ahead);
+    control::ServoGains gains = tuning_->gains;
+    gains.proportional = schedule_.proportional;
+    velocity = control::servo_velocity(gains, reference, *ahead);
     step.correction = velocity - reference.velocity - trimmed;
   } else if (mode == ControlMode::cancel) {
-    velocity = -ahead->disturbance;  // the law above without its reference: the robot stays put
+    // The law above without its reference: the robot stays put.
+    velocity = -ahead->disturbance / (1 + ahead->gain);
   }
+  step.at_bound = estimator_->at_bound();
+  step.inconsistent = innovations_.normalized() > kInconsistent;
+  allocator_.choose(ahead->position, drag * velocity, settings_.period);
   // Anti-windup: the filter's input u is the velocity that the limits left, not the one asked for.
   estimator_->command(now, mobility * allocate(step, ahead->position, drag * velocity));
+}
+
+/// The schedule of this step (control::schedule). A reference that has stopped counts for some
+/// time: what it passed through is still being found out.
+void ServoController::plan(const control::PositionEstimate& ahead, double reference_speed) {
+  constexpr double kRemembered = 0.92;  // s
+  changes_.reference_speed = std::max(
+      reference_speed, changes_.reference_speed * std::exp(-settings_.period / kRemembered));
+  changes_.command = (ahead.commanded - last_commanded_).norm();
+  last_commanded_ = ahead.commanded;
+  ahead_ = ahead;
+  schedule_ = control::schedule(*tuning_, ahead, changes_);
+  schedule_.proportional = settings_.proportional.value_or(schedule_.proportional);
+  estimator_->set_disturbance_walk(schedule_.disturbance_walk);
+}
+
+/// The loop of the direction in which the filter corrects most: there the margins are least.
+std::optional<ServoMargins> ServoController::margins() const {
+  if (!estimator_ || !estimator_->innovation() || !(schedule_.bandwidth > 0)) return std::nullopt;
+  const control::LoopIdentity& known = tuning_->loop;
+  control::SampledLoop loop;
+  loop.period = known.period;
+  loop.latency = known.measurement_latency;
+  loop.command_delay = std::max(0.0, known.command_delay + ahead_.delay);
+  loop.command_lag = known.command_lag;
+  loop.horizon = loop.command_delay + known.command_lag;
+  loop.proportional = schedule_.proportional;
+  loop.position_gain = estimator_->position_gain().trace() / 3;
+  loop.velocity_gain = estimator_->velocity_gain().jacobiSvd().singularValues()[0];
+  return ServoMargins{control::loop_margins(loop), schedule_, ahead_, innovations_.normalized(),
+                      innovations_.correlation()};
 }
 
 /// The laws without prediction (the thesis' PD, 6.2, and velocity control, 7.3): error of the last
@@ -200,76 +236,16 @@ Eigen::Matrix3d ServoController::drag_at(const Eigen::Vector3d& position) const 
       std::max(model_.eye_in_world.z() + lens - position.z(), kNearest));
 }
 
-/// Currents for field, weight and `force` besides at a position: [B; F] = A(m, p) I, the inner loop
-/// of thesis 6.1 (figure 6.1). Returns what of `force` the limits left.
-/// Outside of the field model's region the nearest position's field is used, and step.outside says
-/// so.
+/// With what the limits did of it in the step. Returns what of `force` they left.
 Eigen::Vector3d ServoController::allocate(ControlStep& step, const Eigen::Vector3d& position,
                                           const Eigen::Vector3d& force) const {
-  const Eigen::Vector3d known = model_.field.nearest_valid(position);
-  step.outside = known != position;
-  const control::FieldMatrix matrix = model_.field.matrix(known);
-  const control::FieldGradient background = model_.field.background(known);
-  const control::BoxAllocation found = within(matrix, background, force);
+  const FieldAllocation found = allocator_.allocate(position, force);
   step.currents = found.currents;
+  step.field = allocator_.field();
   step.headroom = found.headroom;
-  step.limited = found.limited || found.vertical_cut;
-  return found.force - Eigen::Vector3d(0, 0, model_.robot.net_weight(model_.medium));
-}
-
-/// The quadratic programme of control::allocate_within, repeated until moment and field agree and
-/// the sum of currents is within its limit. It is nonlinear only in the moment m(|B|), which is
-/// found by fixed-point iteration. Field and force of the result are those that the robot feels,
-/// the background's share included. Throws std::domain_error where levitation is out of reach.
-/// From the sixth attempt on, a force that is too much is given up altogether.
-control::BoxAllocation ServoController::within(const control::FieldMatrix& matrix,
-                                               const control::FieldGradient& background,
-                                               const Eigen::Vector3d& force) const {
-  const Eigen::Vector3d levitation(0, 0, model_.robot.net_weight(model_.medium));
-  control::BoxAllocation found;
-  double field = settings_.field;  // T along the axis, for which the moment is taken
-  Eigen::Vector3d asked = force;
-  bool cut = false;
-  const auto ask_for_less = [&asked, &cut](int attempt) {
-    cut = true;
-    asked = attempt + 3 < kMostAttempts ? Eigen::Vector3d(asked / 2) : Eigen::Vector3d::Zero();
-  };
-  // A soft robot's moment falls with its field: where a limit cuts the field, ask again with what
-  // is left of the moment. Where the sum of currents is too much, ask for less force, in the end
-  // for none but the levitation.
-  for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
-    const Eigen::Vector3d moment = model_.robot.moment(field) * settings_.axis;
-    // F = S(m) g: the force in the gradients that are there without any current of ours.
-    const Eigen::Vector3d pulled = control::force_from_field(moment) * background;
-    try {
-      found = control::allocate_within(
-          matrix, moment,
-          {settings_.field * settings_.axis - background.head<3>(), levitation - pulled, asked},
-          settings_.limits);
-    } catch (const std::domain_error&) {
-      // What the limit left of the field holds the robot no longer: rather less of the force beyond
-      // its weight. At full field and without such a force nothing is left to give up.
-      if (field == settings_.field && asked.isZero(0)) throw;
-      field = settings_.field;
-      ask_for_less(attempt);
-      continue;
-    }
-    found.field += background.head<3>();
-    found.force += pulled;
-    if (total(found.currents) > settings_.total_limit) {
-      ask_for_less(attempt);
-      continue;
-    }
-    // Converged when the field made is the one for which the moment was taken, to a thousandth.
-    const double made = found.field.dot(settings_.axis);
-    if (!found.limited || made > (1 - 1e-3) * field || !(made > 0)) break;
-    field = made;
-  }
-  if (total(found.currents) > settings_.total_limit)
-    throw std::domain_error(
-        "holding the robot against its weight is beyond the limit of the sum of currents here");
-  found.limited = found.limited || cut;
-  return found;
+  step.limited = found.limited;
+  step.outside = found.outside;
+  return found.force;
 }
 
 /// The estimator is built and tuned anew by the next measurement.
@@ -277,20 +253,10 @@ void ServoController::reset() {
   pd_.reset();
   velocity_.reset();
   estimator_.reset();
+  innovations_.reset();
+  changes_ = {};
+  last_commanded_.setZero();
   last_measured_ = -1e9;
-}
-
-/// Levitation and force are zero: as long as the position is not known, a gradient made for one
-/// position would push a robot at another.
-control::Currents ServoController::orienting_currents() const {
-  const Eigen::Vector3d center = model_.field.nearest_valid(Eigen::Vector3d::Zero());
-  const Eigen::Vector3d moment = model_.robot.moment(settings_.field) * settings_.axis;
-  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
-  const Eigen::Vector3d field =
-      settings_.field * settings_.axis - model_.field.background(center).head<3>();
-  return control::allocate_within(model_.field.matrix(center), moment, {field, none, none},
-                                  settings_.limits)
-      .currents;
 }
 
 /// `position` is where the trim was found: constant currents are computed there.

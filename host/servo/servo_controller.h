@@ -3,13 +3,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "control/box_allocation.h"
 #include "control/estimator.h"
+#include "control/innovation_statistics.h"
+#include "control/loop_margins.h"
 #include "control/pd.h"
 #include "control/servo_law.h"
 #include "control/trajectory.h"
 #include "control/velocity_control.h"
 #include "host/rig/rig.h"
+#include "host/servo/field_allocator.h"
 
 #include <Eigen/Core>
 
@@ -39,11 +41,13 @@ struct ReferencePath {
 
 struct ControllerSettings {
   double field = 10e-3;  // T
+  double field_max = 0;  // T: the law estimator may raise the field so far; 0: it does not
   // Unit, world: the commanded field's direction, taken as the robot's.
   Eigen::Vector3d axis{1, 0, 0};
   ControlLaw law = ControlLaw::pd;
   control::PdGains gains;  // of pd
-  // Of estimator, 1/s and m/s; nothing: tuned from latency, drag and instability.
+  // Of estimator, 1/s and m/s (of the feedback alone); nothing: tuned from latency, drag, weight
+  // and instability, and scheduled by what is known of the loop.
   std::optional<double> proportional{};
   std::optional<double> max_speed{};
   control::VelocityGains velocity;                                          // of velocity
@@ -59,16 +63,32 @@ struct ControlStep {
   std::optional<control::PositionEstimate> estimate;  // at `now`; law estimator only
   // m/s: what was asked for beyond the reference's own velocity and the trim.
   Eigen::Vector3d correction{0, 0, 0};
+  double field = 0;          // T, for which the currents are
   double headroom = 1;       // 1 - the largest |I| / limit over the living coils
   bool limited = false;      // a limit cost something of field or force
   bool outside = false;      // of the field model's region: its nearest position was used
   bool passed_over = false;  // the measurement: not a number, out of order or beyond the gate
+  // The filter: gain or delay met its bound; its innovations have long been larger than it says.
+  bool at_bound = false;
+  bool inconsistent = false;
+};
+
+/// How far the law estimator's loop is from oscillating, with the gains of its last step, and what
+/// its filter knows.
+struct ServoMargins {
+  control::LoopMargins margins;     // of the believed loop, with what was estimated of it
+  control::ServoSchedule schedule;  // gain and bandwidth in use
+  control::PositionEstimate estimate;
+  double innovation = 0;   // InnovationStatistics::normalized, of the last seconds
+  double correlation = 0;  // InnovationStatistics::correlation
 };
 
 class ServoController {
  public:
   /// Throws std::invalid_argument naming the setting.
   ServoController(const RigModel& model, const ControllerSettings& settings);
+  ServoController(const ServoController&) = delete;
+  ServoController& operator=(const ServoController&) = delete;
   /// Times in s; `now` is when the currents are set. Nothing measured: the estimator goes on by
   /// prediction, the other laws give nothing. Throws std::domain_error when the levitation is out
   /// of reach.
@@ -78,7 +98,7 @@ class ServoController {
   void reset();
   /// The field without any force, at the workspace's center: turns a robot that is not yet seen
   /// into its axis.
-  control::Currents orienting_currents() const;
+  control::Currents orienting_currents() const { return allocator_.orienting(); }
   /// The constant force added to the weight compensation, N, world, and where it was found.
   void set_trim(const Eigen::Vector3d& force, const Eigen::Vector3d& position);
   Eigen::Vector3d trim() const { return trim_; }
@@ -88,30 +108,42 @@ class ServoController {
   Eigen::Matrix3d drag_at(const Eigen::Vector3d& position) const;
   /// As tuned; nothing before the first measurement, and for other laws.
   const std::optional<control::ServoTuning>& tuning() const { return tuning_; }
+  /// Nothing before the first step that took a measurement, and for other laws. A few milliseconds.
+  std::optional<ServoMargins> margins() const;
+  /// Its filter; null before the first measurement, and for other laws.
+  const control::PositionEstimator* estimator() const {
+    return estimator_ ? &*estimator_ : nullptr;
+  }
 
  private:
+  static constexpr double kInnovationMemory = 10;  // s
   void tune(double now, const control::PositionMeasurement& first);
   bool take(double now, const control::PositionMeasurement& measured);
   void predict(ControlStep& step, double now, const ReferencePath& path, ControlMode mode);
   void steer(ControlStep& step, const control::PositionMeasurement& measured,
              const ReferencePath& path, ControlMode mode);
+  void plan(const control::PositionEstimate& ahead, double reference_speed);
   Eigen::Vector3d allocate(ControlStep& step, const Eigen::Vector3d& position,
                            const Eigen::Vector3d& force) const;
-  control::BoxAllocation within(const control::FieldMatrix& matrix,
-                                const control::FieldGradient& background,
-                                const Eigen::Vector3d& force) const;
 
   RigModel model_;
   ControllerSettings settings_;
   Eigen::Matrix3d drag_;      // N s/m, free
   Eigen::Matrix3d mobility_;  // its inverse
+  FieldAllocator allocator_;  // of model_
   Eigen::Vector3d trim_{0, 0, 0};
   Eigen::Vector3d trim_position_{0, 0, 0};
   control::PdController pd_;
   control::VelocityController velocity_;
   std::optional<control::ServoTuning> tuning_;
   std::optional<control::PositionEstimator> estimator_;
-  double last_measured_ = -1e9;  // s
+  control::InnovationStatistics innovations_{kInnovationMemory};
+  control::PositionEstimate ahead_;  // of the last step, when its command acts
+  control::ServoSchedule schedule_;  // of the last step
+  control::ServoChanges changes_;
+  Eigen::Vector3d last_commanded_{0, 0, 0};  // m/s behind the lag, at the last step
+  double last_measured_ = -1e9;              // s
+  double estimated_ = -1e9;                  // s, of the filter\'s last measurement
 };
 
 }  // namespace vitreo

@@ -114,11 +114,11 @@ void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
   recorder_.sample(currents_, now, rig_.coils->currents());
   if (estimates_ >= 0 && step.estimate) {
     const control::PositionEstimate& known = *step.estimate;
+    const Eigen::Vector3d pushed = known.unexplained();
     const Eigen::Vector3d s = known.covariance.diagonal().head<3>().cwiseSqrt();
     recorder_.sample(estimates_, now,
                      std::array{known.position.x(), known.position.y(), known.position.z(),
-                                known.disturbance.x(), known.disturbance.y(), known.disturbance.z(),
-                                s.x(), s.y(), s.z()});
+                                pushed.x(), pushed.y(), pushed.z(), s.x(), s.y(), s.z()});
   }
   if (!observation.ellipse) return;
   trail_.push_back(e.center_px);

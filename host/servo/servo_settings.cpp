@@ -36,6 +36,8 @@ double ServoSettings::axis_uncertainty() const {
 void ServoSettings::check() const {
   if (!(field >= 1e-3 && field <= 40e-3))
     throw std::invalid_argument("field must be in [1 mT, 40 mT]");
+  if (field_max && !(*field_max >= field && *field_max <= 40e-3))
+    throw std::invalid_argument("field_max must be in [field, 40 mT]");
   if (!(std::abs(axis.norm() - 1) < 1e-6))
     throw std::invalid_argument("axis must be a unit vector");
   if (!(lost_timeout > 0 && lost_timeout <= 10))

@@ -38,13 +38,16 @@ struct ViewCorrection {
 };
 
 struct ServoSettings {
-  double field = 10e-3;           // T, magnitude of the field
+  double field = 10e-3;  // T, magnitude of the field, the law estimator's least
+  /// T: the law estimator may raise the field so far, where that asks less of the coils. Nothing:
+  /// three times the field, and 40 mT at most.
+  std::optional<double> field_max{};
   Eigen::Vector3d axis{1, 0, 0};  // the robot's axis wanted, unit, world
   Feedback feedback = Feedback::one_camera;
   ControlLaw law = ControlLaw::pd;
   control::PdGains gains;                // of the law pd
   std::optional<double> proportional{};  // 1/s, of the law estimator; nothing: tuned
-  std::optional<double> max_speed{};     // m/s, likewise
+  std::optional<double> max_speed{};     // m/s, likewise, of the feedback alone
   control::VelocityGains velocity;       // of the law velocity
   std::vector<int> dead_coils;           // channels from 1, besides the rig's own
   /// s without a measurement before the loop lets go: zero current until it is given a goal again.
@@ -52,7 +55,7 @@ struct ServoSettings {
   /// rad, standard deviation of the robot's axis about the commanded field; 0: it lies along the
   /// field, as in the thesis. Nothing: 0, but of the law estimator kAxisSigma.
   std::optional<double> axis_sigma{};
-  bool wall_drag = false;  // ControllerSettings
+  bool wall_drag = true;  // ControllerSettings, where the rig's eye has walls
   /// A dry run: the pose sensor in the camera's place, and with each position the ellipse that the
   /// camera would show.
   bool by_pose = false;

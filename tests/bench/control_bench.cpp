@@ -143,7 +143,10 @@ void tick(benchmark::State& state) {
   for (auto _ : state) {
     time += 1.0 / 15;
     estimator.measure({time - 0.13, {1e-5, 0, 0}, 1e-11 * Eigen::Matrix3d::Identity()});
-    const auto estimate = estimator.at(time + tuning.horizon);
+    const auto now = estimator.at(time);
+    const auto estimate = estimator.at(time + tuning.horizon + now->delay);
+    const ServoSchedule planned = schedule(tuning, *estimate, {});
+    estimator.set_disturbance_walk(planned.disturbance_walk);
     const Reference reference = held_reference(path, time + tuning.horizon, 1.0 / 15);
     const Eigen::Vector3d u = servo_velocity(tuning.gains, reference, *estimate);
     const FieldMatrix matrix = octomag.matrix(estimate->position);

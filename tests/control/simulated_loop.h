@@ -45,15 +45,14 @@ class SimulatedLoop {
     identity_.period = 1 / setting.frame_rate;
     identity_.noise = setting.noise;
     identity_.drag = drag_(0, 0);
-    identity_.force_limit = 2e-3 * drag_(0, 0);
+    identity_.weight = robot_.net_weight(medium_);
   }
 
   /// The error after `settle` seconds.
   LoopError run(const Trajectory& path, bool estimate, double settle, double end) {
     const ServoTuning tuning = tune(identity_);
-    EstimatorSettings estimation = tuning.estimator;
-    if (actuation_uncertainty) estimation.actuation_uncertainty = *actuation_uncertainty;
-    PositionEstimator estimator(estimation);
+    PositionEstimator estimator(tuning.estimator);
+    changes_ = {};
     PdController pd(tuning.pd);
     position_ = path.at(0).position;
     double next_frame = 0, sum = 0;
@@ -89,7 +88,6 @@ class SimulatedLoop {
   }
 
   LoopIdentity& identity() { return identity_; }
-  std::optional<double> actuation_uncertainty;  // in place of the tuned one
 
  private:
   static constexpr double kStep = 1e-3;
@@ -103,12 +101,22 @@ class SimulatedLoop {
 
   void servo(double t, const Trajectory& path, const ServoTuning& tuning,
              PositionEstimator& estimator) {
-    const auto estimate = estimator.at(t + tuning.horizon);
     const auto now = estimator.at(t);
-    if (!estimate || !now) return;
-    const Reference reference = held_reference(path, t + tuning.horizon, 1 / setting_.frame_rate);
-    estimator.command(
-        t, command(t, now->position, servo_velocity(tuning.gains, reference, *estimate)));
+    if (!now) return;
+    const double then = t + std::max(0.0, tuning.horizon + now->delay);
+    const auto ahead = estimator.at(then);
+    if (!ahead) return;
+    const Reference reference = held_reference(path, then, 1 / setting_.frame_rate);
+    // As ServoController plans.
+    changes_.reference_speed =
+        std::max(reference.velocity.norm(),
+                 changes_.reference_speed * std::exp(-1 / setting_.frame_rate / 0.92));
+    changes_.command = (ahead->commanded - commanded_).norm();
+    commanded_ = ahead->commanded;
+    const ServoSchedule planned = schedule(tuning, *ahead, changes_);
+    estimator.set_disturbance_walk(planned.disturbance_walk);
+    const ServoGains gains{planned.proportional, tuning.gains.max_speed};
+    estimator.command(t, command(t, now->position, servo_velocity(gains, reference, *ahead)));
   }
 
   // The velocity that the currents' limit left.
@@ -147,6 +155,8 @@ class SimulatedLoop {
   double moment_error_ = 1;
   Eigen::Matrix3d drag_ = resistance(robot_, medium_, Eigen::Vector3d::UnitX());
   LoopIdentity identity_;
+  ServoChanges changes_;
+  Eigen::Vector3d commanded_{0, 0, 0};
   Eigen::Vector3d position_{0, 0, 0};
   std::deque<std::pair<double, Currents>> pending_;
   Currents wanted_, currents_;

@@ -70,10 +70,14 @@ std::vector<Binding> law_functions() {
        pd,
        "control.pd { proportional = 1.2, max_speed = 1 * mm / s }"},
       {"control.estimator",
-       {options_of({gain("proportional", "1/s", 100, "velocity per distance (tuned to the delay)"),
-                    gain("max_speed", "m/s", 0.1, "largest velocity asked for (as pd)")})},
+       {options_of({gain("proportional", "1/s", 100,
+                         "velocity per distance (by the delay and by what is known of the loop)"),
+                    gain("max_speed", "m/s", 0.1,
+                         "largest velocity asked for because of an error of position (the robot's "
+                         "sink speed, 0.5 to 5 mm/s)")})},
        "control_law",
-       "position control of the estimated position, with the estimated disturbance canceled",
+       "position control of the estimated position, with the estimated disturbance canceled; gain "
+       "and delay of the loop are estimated too",
        estimator,
        "control.estimator { max_speed = 1 * mm / s }"},
       {"control.velocity",

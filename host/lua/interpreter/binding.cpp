@@ -205,9 +205,9 @@ std::optional<std::vector<double>> Call::numbers_option(const std::string& name)
   return value;
 }
 
-bool Call::flag_option(const std::string& name) const {
-  push_option(name);
-  const bool value = lua_toboolean(L, -1);
+bool Call::flag_option(const std::string& name, bool absent) const {
+  const bool given = push_option(name);
+  const bool value = given ? lua_toboolean(L, -1) : absent;
   lua_pop(L, 1);
   return value;
 }

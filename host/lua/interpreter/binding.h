@@ -140,7 +140,8 @@ class Call {
   std::optional<std::string> text_option(const std::string& name) const;
   std::optional<Eigen::Vector3d> vector_option(const std::string& name) const;
   std::optional<std::vector<double>> numbers_option(const std::string& name) const;
-  bool flag_option(const std::string& name) const;
+  bool flag_option(const std::string& name) const { return flag_option(name, false); }
+  bool flag_option(const std::string& name, bool absent) const;
 
   /// Waits: `return call.wait(...)`. The script goes on when the wait has ended, with what its
   /// `finish` pushed.

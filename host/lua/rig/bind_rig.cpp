@@ -237,6 +237,9 @@ std::vector<Argument> servo_options() {
            .handle = "control_law",
            .choices = {"pd", "estimator", "velocity"}},
           number("field", "T", 1e-3, 40e-3, "magnitude of the field (10 mT)"),
+          number("field_max", "T", 1e-3, 40e-3,
+                 "how far the law estimator may raise it where that asks less of the coils (three "
+                 "times the field)"),
           {.name = "axis",
            .type = Type::direction,
            .optional = true,
@@ -251,7 +254,7 @@ std::vector<Argument> servo_options() {
           {.name = "wall_drag",
            .type = Type::flag,
            .optional = true,
-           .help = "reckon with the drag that retina and lens add (false)"},
+           .help = "reckon with the drag that retina and lens add (true)"},
           number("lost_timeout", "s", 0, 10,
                  "how long the robot may be unseen before the coils go to zero (1 s)")};
 }

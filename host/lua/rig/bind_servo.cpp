@@ -103,9 +103,10 @@ ServoSettings settings_of(const Call& call) {
   if (const auto feedback = call.text_option("feedback"))
     settings.feedback = feedback_named(*feedback);
   settings.field = call.number_option("field").value_or(settings.field);
+  settings.field_max = call.number_option("field_max");
   settings.lost_timeout = call.number_option("lost_timeout").value_or(settings.lost_timeout);
   settings.axis_sigma = call.number_option("axis_uncertainty");
-  settings.wall_drag = call.flag_option("wall_drag");
+  settings.wall_drag = call.flag_option("wall_drag", settings.wall_drag);
   for (const double channel : call.numbers_option("dead_coils").value_or(std::vector<double>{}))
     settings.dead_coils.push_back(channel_of(channel));
   if (const auto axis = call.vector_option("axis")) settings.axis = axis->normalized();
@@ -126,9 +127,32 @@ Returned status_fields() {
            {"trim", "N", "constant force added to the weight compensation"},
            {"offset", "m", "added to each place that the top camera finds"},
            {"progress", "", "of the path, 0 to 1"},
+           {"field", "T", "magnitude of the field that is commanded"},
            {"headroom", "", "1 - largest current over its limit"},
            {"limited", "", "whether a current's limit cost something of field or force"},
            {.name = "failure", .help = "why, in the state failed", .optional = true}}};
+}
+
+/// nil for a law without an estimate: margins of what is not modelled would be guesses.
+Returned margins_fields() {
+  return Returned{
+      "table",
+      {{"stable", "", "whether the loop is, as believed"},
+       {"gain_up", "", "factor of the robot's response at which it oscillates; 2 is 6 dB"},
+       {"gain_down", "", "the same below 1; 0: none"},
+       {"delay_more", "s", "that the loop may be later than believed; searched to six dead times"},
+       {"delay_less", "s", "that it may be sooner"},
+       {"proportional", "1/s", "gain in use"},
+       {"bandwidth", "1/s", "of the observer of the disturbance (rad/s)"},
+       {"gain", "", "estimated: the robot's response over the believed one"},
+       {"gain_sigma", "", "its standard deviation"},
+       {"delay", "s", "estimated: of the loop beyond the believed one"},
+       {"delay_sigma", "s", "its standard deviation"},
+       {"innovation", "",
+        "normalized, of the last 10 s: 1 where the filter is as sure as it is right"},
+       {"correlation", "",
+        "of each innovation with the one before: 0 where none is left to learn"}}}
+      .or_nil("of another law, and before anything was measured");
 }
 
 /// What the loop is asked, and what it is waited for. 30 s of corrections are what it keeps, which
@@ -148,6 +172,12 @@ std::vector<Binding> listening_rows() {
            "what the loop does and sees, of one moment, and what it was set to",
            status,
            "servo:status()"},
+          {"margins",
+           {},
+           margins_fields(),
+           "how far the loop is from oscillating, with the gains in use (law estimator; else nil)",
+           margins,
+           "servo:margins()"},
           {"wait_until_tracked",
            {options_of({{.name = "timeout",
                          .type = Type::number,

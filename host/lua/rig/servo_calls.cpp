@@ -157,6 +157,7 @@ int servo_calls::status(Call& call) {
   table.text("state", to_string(now.state))
       .number("time", to_seconds(now.time), "s")
       .number("progress", now.progress)
+      .number("field", now.field, "T")
       .number("headroom", now.headroom)
       .flag("limited", now.limited)
       .vector("target", now.target, "m")
@@ -165,6 +166,30 @@ int servo_calls::status(Call& call) {
   if (now.position) table.vector("position", *now.position, "m");
   if (now.disturbance) table.vector("disturbance", *now.disturbance, "m/s");
   if (!now.failure.empty()) table.text("failure", now.failure);
+  return 1;
+}
+
+int servo_calls::margins(Call& call) {
+  const auto found = call.self<Servo>().margins();
+  if (!found) {
+    lua_pushnil(call.L);
+    return 1;
+  }
+  const control::PositionEstimate& known = found->estimate;
+  ResultTable(call)
+      .flag("stable", found->margins.stable)
+      .number("gain_up", found->margins.gain_up)
+      .number("gain_down", found->margins.gain_down)
+      .number("delay_more", found->margins.delay_more, "s")
+      .number("delay_less", found->margins.delay_less, "s")
+      .number("proportional", found->schedule.proportional, "1/s")
+      .number("bandwidth", found->schedule.bandwidth, "1/s")
+      .number("gain", 1 + known.gain)
+      .number("gain_sigma", known.gain_sigma)
+      .number("delay", known.delay, "s")
+      .number("delay_sigma", known.delay_sigma, "s")
+      .number("innovation", found->innovation)
+      .number("correlation", found->correlation);
   return 1;
 }
 

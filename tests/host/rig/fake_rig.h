@@ -31,6 +31,14 @@ inline RigDescription whole_rig() {
   return description;
 }
 
+/// The same with a robot of exactly the believed size: for what is about the view of it. A
+/// hundredth of its size looks like a tenth of a millimeter of depth.
+inline RigDescription rig_of_known_size() {
+  RigDescription description = whole_rig();
+  description.table["truth"] = ConfigValue{ConfigTable{{"size_sigma", {0.0}}}};
+  return description;
+}
+
 /// A new folder that goes when the test ends.
 class TemporaryFolder {
  public:

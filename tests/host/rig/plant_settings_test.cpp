@@ -74,6 +74,42 @@ TEST(PlantSettings, GelRobotBodiesAndHeatComeThrough) {
   EXPECT_EQ(complaint(description), "");
 }
 
+TEST(PlantSettings, APlantIsDrawnUnlessItIsNominal) {
+  const sim::LaboratorySettings drawn = read(rig_with({})).laboratory;
+  EXPECT_EQ(drawn.sigmas.viscosity, 0.10);
+  EXPECT_EQ(drawn.sigmas.background, 50e-6);
+  EXPECT_EQ(drawn.moment_sigma, 0.05);
+  EXPECT_EQ(drawn.field_perturbation.gain, 0.03);
+  EXPECT_GT(drawn.world.coils.saturation, 0);
+  EXPECT_TRUE(drawn.world.wall_drag);
+  const sim::LaboratorySettings nominal =
+      read(rig_with({{"machine", {"nominal"}}, {"mass_sigma", {0.02}}})).laboratory;
+  EXPECT_EQ(nominal.sigmas.viscosity, 0);
+  EXPECT_EQ(nominal.sigmas.mass, 0.02) << "a single setting beside it counts";
+  EXPECT_EQ(nominal.moment_sigma, 0);
+  EXPECT_EQ(nominal.field_perturbation.gain, 0);
+  EXPECT_EQ(nominal.dac_offset, 0);
+  EXPECT_EQ(nominal.world.coils.saturation, 0);
+  EXPECT_EQ(nominal.world.coils.remanence, 0);
+}
+
+TEST(PlantSettings, TheTruthHasARobotAndAMediumOfItsOwn) {
+  const RigSettings settings =
+      read(rig_with({{"medium", table({{"kinematic_viscosity", {1e-3}}})},
+                     {"robot", table({{"mass", {1.5}}, {"size", {1.1}}, {"moment", {0.7}}})},
+                     {"core", table({{"remanence", {0.1}}})},
+                     {"heat", table({{"gain_temperature_coefficient", {-1e-3}}})}}));
+  const sim::WorldSettings& world = settings.laboratory.world;
+  const RigModel& model = settings.model;
+  EXPECT_EQ(world.medium.kinematic_viscosity, 1e-3);
+  EXPECT_EQ(model.medium.kinematic_viscosity, 500e-6) << "the loop is not told";
+  EXPECT_NEAR(world.robot.mass() / model.robot.mass(), 1.5 * 1.331, 1e-9);
+  EXPECT_NEAR(world.robot.semi_axis / model.robot.semi_axis, 1.1, 1e-12);
+  EXPECT_EQ(world.moment_gain, 0.7);
+  EXPECT_EQ(world.coils.remanence, 0.1);
+  EXPECT_EQ(world.coils.gain_temperature_coefficient, -1e-3);
+}
+
 TEST(PlantSettings, WhatIsWrongIsNamed) {
   EXPECT_NE(complaint(rig_with({{"gel", table({{"name", {"jelly"}}})}})).find("truth.gel.name"),
             std::string::npos);

@@ -14,7 +14,7 @@ namespace vitreo {
 namespace {
 
 TEST(BelievedView, IsTheEllipseThatATrackerFindsInTheImage) {
-  TestBench bench;
+  TestBench bench(1, {}, rig_of_known_size());
   ServoCameras eyes = bench.eyes();
   ServoSettings settings;
   settings.feedback = Feedback::pose_sensor;

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/field_allocator.h"
+
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+// Allocations tried for one set of currents: each finds a smaller field or force, and they converge
+// fast.
+constexpr int kMostAttempts = 8;
+
+void check_limit(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(what);
+}
+
+/// What the interlock's total limit is about, A.
+/// Magnitudes, as opposite currents do not cancel.
+double total(const control::Currents& currents) { return currents.cwiseAbs().sum(); }
+
+}  // namespace
+
+FieldAllocator::FieldAllocator(const RigModel& model, const AllocatorSettings& settings)
+    : model_(model), settings_(settings), field_(settings.field) {
+  check_limit(settings.limits.size() == model.field.coils(), "limits: one a coil is wanted");
+  check_limit(settings.limits.allFinite() && settings.limits.minCoeff() >= 0,
+              "limits: must be at least 0 A");
+  check_limit(settings.limits.maxCoeff() > 0, "limits: every coil is dead");
+  check_limit(settings.total_limit > 0, "total_limit: must be above 0 A");
+  check_limit(settings.field_max >= settings.field, "field_max: must be at least the field");
+}
+
+FieldAllocation FieldAllocator::allocate(const Eigen::Vector3d& position,
+                                         const Eigen::Vector3d& force) const {
+  return allocate(position, force, field_);
+}
+
+/// Outside of the field model's region the nearest position's field is used, and `outside` says so.
+FieldAllocation FieldAllocator::allocate(const Eigen::Vector3d& position,
+                                         const Eigen::Vector3d& force, double field) const {
+  const Eigen::Vector3d known = model_.field.nearest_valid(position);
+  const control::FieldMatrix matrix = model_.field.matrix(known);
+  const control::FieldGradient background = model_.field.background(known);
+  const control::BoxAllocation found = within(matrix, background, force, field);
+  FieldAllocation result;
+  result.currents = found.currents;
+  result.force = found.force - Eigen::Vector3d(0, 0, model_.robot.net_weight(model_.medium));
+  result.headroom = found.headroom;
+  result.limited = found.limited || found.vertical_cut;
+  result.outside = known != position;
+  return result;
+}
+
+/// The largest current over its limit, and with less weight the sum of all over theirs
+/// (facts/control_limits 7). On top, what a field costs by being weak: the coils' errors and the
+/// room's field turn the robot by their part of it. A limit that is met outweighs all of these, and
+/// a field that cannot levitate weighs most.
+double FieldAllocator::cost(const Eigen::Vector3d& position, const Eigen::Vector3d& force,
+                            double field) const {
+  constexpr double kSum = 0.3;
+  constexpr double kStray = 1.8e-3;  // T
+  constexpr double kLimited = 10;
+  constexpr double kFails = 1000;
+  try {
+    const FieldAllocation found = allocate(position, force, field);
+    return 1 - found.headroom + kSum * total(found.currents) / settings_.limits.sum() +
+           kStray / field + (found.limited ? kLimited : 0);
+  } catch (const std::domain_error&) {
+    return kFails;
+  }
+}
+
+/// Downhill by a bounded rate; where the field that there is meets a limit, a ladder over the whole
+/// range.
+void FieldAllocator::choose(const Eigen::Vector3d& position, const Eigen::Vector3d& force,
+                            double span) {
+  constexpr double kRate = 5e-3;     // T/s
+  constexpr double kRung = 1.25e-3;  // T
+  constexpr double kMatters = 1e-3;  // of the cost
+  constexpr double kAtLimit = 5;
+  const double low = settings_.field, high = settings_.field_max;
+  if (!(high > low)) return;
+  double least = cost(position, force, field_);
+  if (least > kAtLimit) {
+    for (double rung = low; rung <= high; rung += kRung)
+      if (const double there = cost(position, force, rung); there < least) {
+        least = there;
+        field_ = rung;
+      }
+    return;
+  }
+  const double step = kRate * span;
+  for (const double other : {std::max(field_ - step, low), std::min(field_ + step, high)})
+    if (cost(position, force, other) < (1 - kMatters) * least) {
+      field_ = other;
+      return;
+    }
+}
+
+/// The quadratic programme of control::allocate_within, repeated until moment and field agree and
+/// the sum of currents is within its limit. It is nonlinear only in the moment m(|B|), which is
+/// found by fixed-point iteration. Field and force of the result are those that the robot feels,
+/// the background's share included. Throws std::domain_error where levitation is out of reach.
+/// From the sixth attempt on, a force that is too much is given up altogether.
+control::BoxAllocation FieldAllocator::within(const control::FieldMatrix& matrix,
+                                              const control::FieldGradient& background,
+                                              const Eigen::Vector3d& force, double wanted) const {
+  const Eigen::Vector3d levitation(0, 0, model_.robot.net_weight(model_.medium));
+  control::BoxAllocation found;
+  double field = wanted;  // T along the axis, for which the moment is taken
+  Eigen::Vector3d asked = force;
+  bool cut = false;
+  const auto ask_for_less = [&asked, &cut](int attempt) {
+    cut = true;
+    asked = attempt + 3 < kMostAttempts ? Eigen::Vector3d(asked / 2) : Eigen::Vector3d::Zero();
+  };
+  // A soft robot's moment falls with its field: where a limit cuts the field, ask again with what
+  // is left of the moment. Where the sum of currents is too much, ask for less force, in the end
+  // for none but the levitation.
+  for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
+    const Eigen::Vector3d moment = model_.robot.moment(field) * settings_.axis;
+    // F = S(m) g: the force in the gradients that are there without any current of ours.
+    const Eigen::Vector3d pulled = control::force_from_field(moment) * background;
+    try {
+      found = control::allocate_within(
+          matrix, moment,
+          {wanted * settings_.axis - background.head<3>(), levitation - pulled, asked},
+          settings_.limits);
+    } catch (const std::domain_error&) {
+      // What the limit left of the field holds the robot no longer: rather less of the force beyond
+      // its weight. At full field and without such a force nothing is left to give up.
+      if (field == wanted && asked.isZero(0)) throw;
+      field = wanted;
+      ask_for_less(attempt);
+      continue;
+    }
+    found.field += background.head<3>();
+    found.force += pulled;
+    if (total(found.currents) > settings_.total_limit) {
+      ask_for_less(attempt);
+      continue;
+    }
+    // Converged when the field made is the one for which the moment was taken, to a thousandth.
+    const double made = found.field.dot(settings_.axis);
+    if (!found.limited || made > (1 - 1e-3) * field || !(made > 0)) break;
+    field = made;
+  }
+  if (total(found.currents) > settings_.total_limit)
+    throw std::domain_error(
+        "holding the robot against its weight is beyond the limit of the sum of currents here");
+  found.limited = found.limited || cut;
+  return found;
+}
+
+/// Levitation and force are zero: as long as the position is not known, a gradient made for one
+/// position would push a robot at another.
+control::Currents FieldAllocator::orienting() const {
+  const Eigen::Vector3d center = model_.field.nearest_valid(Eigen::Vector3d::Zero());
+  const Eigen::Vector3d moment = model_.robot.moment(settings_.field) * settings_.axis;
+  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
+  const Eigen::Vector3d field =
+      settings_.field * settings_.axis - model_.field.background(center).head<3>();
+  return control::allocate_within(model_.field.matrix(center), moment, {field, none, none},
+                                  settings_.limits)
+      .currents;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,77 @@
+// One simulated machine with one law, without devices: the simulator's own plant (sim::World,
+// sampled as a laboratory's is) and a late, noisy position sensor. For the benchmark of the laws
+// and for tests of them.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/trajectory.h"
+#include "devices/sim/laboratory.h"
+#include "host/rig/rig.h"
+#include "host/servo/servo_controller.h"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo::machines {
+
+/// What is true against what is believed, beyond what is drawn.
+struct Mistake {
+  std::string name = "nominal";
+  double delay = 0;   // s, more than believed
+  double drag = 1;    // factor
+  double moment = 1;  // factor
+  double mass = 1;    // factor
+};
+
+struct MachineSetting {
+  std::string robot = "coni_2mm";
+  Eigen::Vector3d axis{1, 0, 0};
+  double field = 10e-3;  // T
+  // The stated sigmas of a simulated rig, and walls that the loop knows; else coils and moment
+  // alone are drawn, and there are no walls.
+  bool drawn = true;
+  bool walls = true;           // in the plant
+  bool walls_believed = true;  // in the loop
+  Mistake mistake;
+  double frame_rate = 15;        // 1/s
+  double latency = 0.08;         // s, from exposure to the loop
+  double noise = 0.3 * 14.3e-6;  // m, each coordinate
+  std::vector<int> dead;         // coils, from 1
+  bool dead_known = true;        // to the loop
+  double field_max = 30e-3;      // T: the law now may raise the field so far
+  std::uint64_t seed = 1;
+};
+
+/// before: tests/bench/machines/law_before.h. now: the product's law estimator. pd: the thesis'.
+enum class Law { before, now, pd };
+
+struct MachineResult {
+  double rms = 0;       // m, of the true place against the reference, in 3-D
+  double largest = 0;   // m
+  std::string failure;  // what the loop threw
+  // Of the filter, while the error counts (law now): normalized squared errors of position and of
+  // innovation over their 3 degrees of freedom, and the innovations' correlation from one to the
+  // next, mean of the coordinates.
+  double consistency = 0;
+  double innovation = 0;
+  double correlation = 0;
+  // Least of the margins with the gains in use, asked for every three seconds (law now).
+  double gain_margin = 1e9;   // factor
+  double delay_margin = 1e9;  // s
+  double gain = 0;            // estimated at the end
+  double delay = 0;     // s
+  double limited = 0;   // part of the steps
+  double headroom = 1;  // least
+  bool lost() const { return !failure.empty() || !(rms < 200e-6); }
+};
+
+/// Holds the path's first position for `settle` seconds after the coils were switched on, then goes
+/// along; the errors are of the path and of `after` seconds at its end.
+MachineResult run_machine(const MachineSetting& setting, Law law, const control::Trajectory& path,
+                          double settle, double after);
+
+}  // namespace vitreo::machines
