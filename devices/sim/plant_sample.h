@@ -37,9 +37,9 @@ struct PlantSample {
   double viscosity = 1;
   double mass = 1;
   double size = 1;
-  double coil_delay = 0;  // s
+  double coil_delay = 1;
   double coil_bandwidth = 1;
-  double latency = 0;                   // s
+  double latency = 1;
   double jitter = 0;                    // s
   Eigen::Vector3d background{0, 0, 0};  // T
   double heat_gain = 1;

@@ -16,15 +16,19 @@ namespace {
 
 constexpr double kPlantMilli = 1e-3;
 
-/// machine = "nominal": nothing is drawn, and the coils are without what is in no model. Single
+/// machine = "sampled": all that a laboratory does not know of its plant is drawn. "coils": the
+/// coils' geometry, the moment and the converter's offsets alone, the default until every protocol
+/// is tuned on the other. "nominal": nothing is drawn, and the coils are without what is in no
+/// model. Single
 /// settings beside it still count.
 void read_machine(ConfigReader& reader, sim::LaboratorySettings& laboratory) {
-  const bool sampled = reader.choice("machine", "sampled", {"sampled", "nominal"}) == "sampled";
-  if (sampled) {
+  const std::string machine = reader.choice("machine", "coils", {"coils", "sampled", "nominal"});
+  laboratory.world.wall_drag = machine == "sampled";
+  if (machine == "sampled") {
     laboratory.sigmas = sim::PlantSigmas::stated();
     sim::add_stated_truth(laboratory.world.coils);
-    return;
   }
+  if (machine != "nominal") return;
   laboratory.field_perturbation = {0, 0, 0};
   laboratory.moment_sigma = 0;
   laboratory.dac_offset = 0;
@@ -254,7 +258,7 @@ void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory,
   if (reader.has("hand_tuning")) read_tuning(reader.table("hand_tuning"), laboratory.hand_tuning);
   if (reader.has("gel")) read_gel(reader.table("gel"), world.gel);
   world.friction = reader.number("friction", world.friction, {0, 2, ""});
-  world.wall_drag = reader.flag("wall_drag", true);
+  world.wall_drag = reader.flag("wall_drag", world.wall_drag);
   world.flow = reader.vector3("flow", world.flow, {-10 * kPlantMilli, 10 * kPlantMilli, "m/s"});
   ConfigReader bodies = reader.table("bodies");
   for (const std::string& name : bodies.keys())

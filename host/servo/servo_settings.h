@@ -55,7 +55,7 @@ struct ServoSettings {
   /// rad, standard deviation of the robot's axis about the commanded field; 0: it lies along the
   /// field, as in the thesis. Nothing: 0, but of the law estimator kAxisSigma.
   std::optional<double> axis_sigma{};
-  bool wall_drag = true;  // ControllerSettings, where the rig's eye has walls
+  bool wall_drag = false;  // ControllerSettings, where the rig's eye has walls
   /// A dry run: the pose sensor in the camera's place, and with each position the ellipse that the
   /// camera would show.
   bool by_pose = false;

@@ -254,7 +254,7 @@ std::vector<Argument> servo_options() {
           {.name = "wall_drag",
            .type = Type::flag,
            .optional = true,
-           .help = "reckon with the drag that retina and lens add (true)"},
+           .help = "reckon with the drag that retina and lens add (false)"},
           number("lost_timeout", "s", 0, 10,
                  "how long the robot may be unseen before the coils go to zero (1 s)")};
 }

@@ -74,8 +74,13 @@ TEST(PlantSettings, GelRobotBodiesAndHeatComeThrough) {
   EXPECT_EQ(complaint(description), "");
 }
 
-TEST(PlantSettings, APlantIsDrawnUnlessItIsNominal) {
-  const sim::LaboratorySettings drawn = read(rig_with({})).laboratory;
+TEST(PlantSettings, OfAPlantTheCoilsAreDrawnOrAllOrNothing) {
+  const sim::LaboratorySettings coils = read(rig_with({})).laboratory;
+  EXPECT_EQ(coils.sigmas.viscosity, 0);
+  EXPECT_EQ(coils.moment_sigma, 0.05);
+  EXPECT_EQ(coils.field_perturbation.gain, 0.03);
+  EXPECT_FALSE(coils.world.wall_drag);
+  const sim::LaboratorySettings drawn = read(rig_with({{"machine", {"sampled"}}})).laboratory;
   EXPECT_EQ(drawn.sigmas.viscosity, 0.10);
   EXPECT_EQ(drawn.sigmas.background, 50e-6);
   EXPECT_EQ(drawn.moment_sigma, 0.05);
@@ -107,6 +112,8 @@ TEST(PlantSettings, TheTruthHasARobotAndAMediumOfItsOwn) {
   EXPECT_NEAR(world.robot.semi_axis / model.robot.semi_axis, 1.1, 1e-12);
   EXPECT_EQ(world.moment_gain, 0.7);
   EXPECT_EQ(world.coils.remanence, 0.1);
+  EXPECT_EQ(world.coils.delay, sim::CoilBankSettings{}.delay) << "the robot's factors leave it";
+  EXPECT_EQ(world.coils.bandwidth, sim::CoilBankSettings{}.bandwidth);
   EXPECT_EQ(world.coils.gain_temperature_coefficient, -1e-3);
 }
 
