@@ -70,21 +70,6 @@ TEST_F(SerialGuest, TheLineIsAsItWasAskedFor) {
   EXPECT_EQ(now.c_lflag & (ICANON | ECHO | ISIG), 0U);
 }
 
-TEST_F(SerialGuest, TheModemLinesAreAsTheOpeningLeavesThem) {
-  const auto lines = [this](OpeningLines wanted) {
-    const auto link = open_serial(kNode, {.opening_lines = wanted}, *clock);
-    const int node = ::open(kNode, O_RDWR | O_NOCTTY | O_NONBLOCK);
-    int now = 0;
-    EXPECT_EQ(::ioctl(node, TIOCMGET, &now), 0);
-    ::close(node);
-    return now & (TIOCM_RTS | TIOCM_DTR);
-  };
-  EXPECT_EQ(lines(OpeningLines::asserted), TIOCM_RTS | TIOCM_DTR);
-  EXPECT_EQ(lines(OpeningLines::released), 0);
-  EXPECT_EQ(lines(OpeningLines::rts_pulse), TIOCM_DTR);
-  EXPECT_EQ(lines(OpeningLines::dtr_pulse), TIOCM_RTS | TIOCM_DTR);
-}
-
 TEST_F(SerialGuest, ACurrentIsSetAndMeasured) {
   const auto coils = supply();
   for (const double current : {1.0, -2.5, 0.0}) {
