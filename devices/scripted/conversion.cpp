@@ -118,7 +118,7 @@ std::string message_for(Sandbox& sandbox, const std::string& format,
 std::optional<std::vector<std::string>> captures(Sandbox& sandbox, const std::string& text,
                                                  const std::string& pattern) {
   constexpr std::int64_t kMostSteps = 200'000;  // a millisecond
-  std::int64_t steps = kMostSteps;
+  PatternSteps steps(kMostSteps);
   std::optional<PatternMatch> match;
   try {
     match = find_pattern(text, pattern, 0, steps);

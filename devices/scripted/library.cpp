@@ -95,6 +95,22 @@ int move(lua_State* L) {
   return original(L);
 }
 
+/// The budget of the file's call.
+class BudgetAccount : public PatternAccount {
+ public:
+  void search(lua_State* L, const std::function<void(PatternSteps&)>& search) const override {
+    const std::int64_t all = budget::left(L) * kSteps;
+    PatternSteps steps(all);
+    search(steps);
+    budget::spend(L, (all - steps.left) / kSteps);
+  }
+  void charge(lua_State* L, std::int64_t work) const override { budget::charge(L, work); }
+  std::size_t longest() const override { return 4u << 20; }
+
+ private:
+  static constexpr std::int64_t kSteps = 2;  // of a match, that are the work of one instruction
+};
+
 /// A finalizer would run whenever memory is collected, the host's own included, and no hook looks
 /// into it.
 int set_metatable(lua_State* L) {
@@ -166,7 +182,8 @@ void open_library(lua_State* L) {
                    {"sub", of_texts},
                    {"unpack", of_texts},
                    {"upper", of_texts}});
-  open_patterns(L);
+  static const BudgetAccount kAccount;
+  open_patterns(L, kAccount);
   lua_pop(L, 2);
 }
 

@@ -53,7 +53,7 @@ bool in_class(char c, char letter) {
 
 class Matcher {
  public:
-  Matcher(std::string_view subject, std::string_view pattern, std::int64_t& steps)
+  Matcher(std::string_view subject, std::string_view pattern, PatternSteps& steps)
       : subject_(subject), pattern_(pattern), steps_(steps) {}
 
   std::optional<PatternMatch> at(std::size_t begin, std::size_t first) {
@@ -75,7 +75,7 @@ class Matcher {
   };
 
   void step() {
-    if (--steps_ < 0) throw PatternWork();
+    if (--steps_.left < 0) steps_.use_up();
   }
   bool more(std::size_t p) const { return p < pattern_.size(); }
 
@@ -195,7 +195,7 @@ class Matcher {
       throw PatternError("invalid capture index %" + std::to_string(digit - '0'));
     const PatternCapture& capture = captures_[index].capture;
     if (capture.position) return kNone;
-    steps_ -= static_cast<std::int64_t>(capture.size / 8);
+    steps_.left -= static_cast<std::int64_t>(capture.size / 8);
     step();
     if (subject_.size() - s < capture.size ||
         subject_.substr(s, capture.size) != subject_.substr(capture.begin, capture.size))
@@ -285,7 +285,7 @@ class Matcher {
 
   std::string_view subject_;
   std::string_view pattern_;
-  std::int64_t& steps_;
+  PatternSteps& steps_;
   std::vector<Open> captures_;
   std::size_t result_ = kNone;
   int depth_ = 0;
@@ -294,12 +294,12 @@ class Matcher {
 }  // namespace
 
 std::optional<PatternMatch> match_pattern_at(std::string_view subject, std::string_view pattern,
-                                             std::size_t at, std::int64_t& steps) {
+                                             std::size_t at, PatternSteps& steps) {
   return Matcher(subject, pattern, steps).at(at, 0);
 }
 
 std::optional<PatternMatch> find_pattern(std::string_view subject, std::string_view pattern,
-                                         std::size_t from, std::int64_t& steps) {
+                                         std::size_t from, PatternSteps& steps) {
   const bool held = !pattern.empty() && pattern.front() == '^';
   Matcher matcher(subject, pattern, steps);
   for (std::size_t begin = from; begin <= subject.size(); ++begin) {

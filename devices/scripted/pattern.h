@@ -23,6 +23,18 @@ class PatternWork : public std::runtime_error {
   PatternWork() : std::runtime_error("the pattern takes too many steps on this text") {}
 };
 
+/// Steps that a match may take: each comparison takes one.
+class PatternSteps {
+ public:
+  explicit PatternSteps(std::int64_t some) : left(some) {}
+  virtual ~PatternSteps() = default;
+  PatternSteps(const PatternSteps&) = delete;
+  PatternSteps& operator=(const PatternSteps&) = delete;
+  std::int64_t left;
+  /// None is left: throws, or gives more.
+  virtual void use_up() { throw PatternWork(); }
+};
+
 struct PatternCapture {
   std::size_t begin = 0;  ///< in the subject
   std::size_t size = 0;
@@ -36,12 +48,11 @@ struct PatternMatch {
 };
 
 /// The first match of `pattern` (Lua 5.4 reference manual, 6.4.1) that begins at or after `from`; a
-/// leading ^ holds it there. Every comparison takes one of `steps`, which is counted down. Throws
-/// PatternError, PatternWork.
+/// leading ^ holds it there. Throws PatternError, and what the steps throw.
 std::optional<PatternMatch> find_pattern(std::string_view subject, std::string_view pattern,
-                                         std::size_t from, std::int64_t& steps);
+                                         std::size_t from, PatternSteps& steps);
 /// The match that begins exactly at `at`; a leading ^ is a plain character here.
 std::optional<PatternMatch> match_pattern_at(std::string_view subject, std::string_view pattern,
-                                             std::size_t at, std::int64_t& steps);
+                                             std::size_t at, PatternSteps& steps);
 
 }  // namespace vitreo::scripted

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/scripted/pattern_library.h"
 
-#include "devices/scripted/budget.h"
-#include "devices/scripted/pattern.h"
-
 #include <algorithm>
 #include <string>
 #include <string_view>
@@ -11,8 +8,10 @@
 namespace vitreo::scripted {
 namespace {
 
-/// Steps of a match that are the work of one instruction.
-constexpr std::int64_t kSteps = 2;
+/// The first upvalue of each of the functions.
+const PatternAccount& account_of(lua_State* L) {
+  return *static_cast<const PatternAccount*>(lua_touserdata(L, lua_upvalueindex(1)));
+}
 
 std::string_view text_at(lua_State* L, int index) {
   std::size_t size = 0;
@@ -29,19 +28,20 @@ std::size_t beginning(lua_State* L, int index, std::size_t size) {
   return size - static_cast<std::size_t>(-from);
 }
 
-/// `search(steps)` within what is left of the budget, and charged for what it takes.
+/// `search(steps)` on the account.
 template <class Search>
 std::optional<PatternMatch> charged(lua_State* L, const Search& search) {
-  const std::int64_t all = budget::left(L) * kSteps;
-  std::int64_t steps = all;
   std::optional<PatternMatch> found;
   std::string problem;
-  try {
-    found = search(steps);
-  } catch (const std::runtime_error& error) {  // PatternError, PatternWork
-    problem = error.what();
-  }
-  budget::spend(L, (all - steps) / kSteps);
+  account_of(L).search(L, [&](PatternSteps& steps) {
+    try {
+      found = search(steps);
+    } catch (const PatternError& error) {
+      problem = error.what();
+    } catch (const PatternWork& error) {
+      problem = error.what();
+    }
+  });
   if (!problem.empty()) luaL_error(L, "%s", problem.c_str());
   return found;
 }
@@ -74,10 +74,11 @@ int search(lua_State* L, bool find) {
   const std::string_view text = text_at(L, 1), pattern = text_at(L, 2);
   const std::size_t from = beginning(L, 3, text.size());
   if (from > text.size()) return lua_pushnil(L), 1;
-  budget::charge(L, static_cast<std::int64_t>(text.size() / 64));
+  const PatternAccount& account = account_of(L);
+  account.charge(L, static_cast<std::int64_t>(text.size() / 64));
   if (find && (lua_toboolean(L, 4) != 0 || is_plain(pattern))) {
     // Plain search goes forward and back too: a step a comparison, as for a pattern.
-    budget::charge(L, static_cast<std::int64_t>((text.size() - from) * pattern.size() / 256));
+    account.charge(L, static_cast<std::int64_t>((text.size() - from) * pattern.size() / 256));
     const std::size_t at = text.find(pattern, from);
     if (at == std::string_view::npos) return lua_pushnil(L), 1;
     lua_pushinteger(L, static_cast<lua_Integer>(at) + 1);
@@ -85,7 +86,7 @@ int search(lua_State* L, bool find) {
     return 2;
   }
   const auto found =
-      charged(L, [&](std::int64_t& steps) { return find_pattern(text, pattern, from, steps); });
+      charged(L, [&](PatternSteps& steps) { return find_pattern(text, pattern, from, steps); });
   if (!found) return lua_pushnil(L), 1;
   if (!find) return push_captures(L, text, *found, true);
   lua_pushinteger(L, static_cast<lua_Integer>(found->begin) + 1);
@@ -96,19 +97,20 @@ int search(lua_State* L, bool find) {
 int string_find(lua_State* L) { return search(L, true); }
 int string_match(lua_State* L) { return search(L, false); }
 
-// Upvalues: text, pattern, where to go on, where the last match ended (an empty one there is none).
+// Upvalues: account, text, pattern, where to go on, where the last match ended (an empty one there
+// is none).
 int next_match(lua_State* L) {
-  const std::string_view text = text_at(L, lua_upvalueindex(1)),
-                         pattern = text_at(L, lua_upvalueindex(2));
-  auto from = static_cast<std::size_t>(lua_tointeger(L, lua_upvalueindex(3)));
-  const lua_Integer last = lua_tointeger(L, lua_upvalueindex(4));
+  const std::string_view text = text_at(L, lua_upvalueindex(2)),
+                         pattern = text_at(L, lua_upvalueindex(3));
+  auto from = static_cast<std::size_t>(lua_tointeger(L, lua_upvalueindex(4)));
+  const lua_Integer last = lua_tointeger(L, lua_upvalueindex(5));
   for (; from <= text.size(); ++from) {
     const auto found = charged(
-        L, [&](std::int64_t& steps) { return match_pattern_at(text, pattern, from, steps); });
+        L, [&](PatternSteps& steps) { return match_pattern_at(text, pattern, from, steps); });
     if (!found || static_cast<lua_Integer>(found->end) == last) continue;
     lua_pushinteger(L, static_cast<lua_Integer>(found->end));
-    lua_copy(L, -1, lua_upvalueindex(3));
-    lua_replace(L, lua_upvalueindex(4));
+    lua_copy(L, -1, lua_upvalueindex(4));
+    lua_replace(L, lua_upvalueindex(5));
     return push_captures(L, text, *found, true);
   }
   return 0;
@@ -119,9 +121,11 @@ int string_gmatch(lua_State* L) {
   text_at(L, 2);
   const std::size_t from = std::min(beginning(L, 3, text.size()), text.size() + 1);
   lua_settop(L, 2);
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
   lua_pushinteger(L, static_cast<lua_Integer>(from));
   lua_pushinteger(L, -1);
-  lua_pushcclosure(L, next_match, 4);
+  lua_pushcclosure(L, next_match, 5);
   return 1;
 }
 
@@ -196,25 +200,26 @@ int string_gsub(lua_State* L) {
   const lua_Integer most = luaL_optinteger(L, 4, static_cast<lua_Integer>(text.size()) + 1);
   const bool held = !pattern.empty() && pattern.front() == '^';
   if (held) pattern.remove_prefix(1);
-  constexpr std::size_t kLongest = 4u << 20;
+  const PatternAccount& account = account_of(L);
   std::string made;
   std::size_t at = 0, last = std::string_view::npos;
   lua_Integer count = 0;
   while (count < most) {
     const auto found =
-        charged(L, [&](std::int64_t& steps) { return match_pattern_at(text, pattern, at, steps); });
+        charged(L, [&](PatternSteps& steps) { return match_pattern_at(text, pattern, at, steps); });
     if (found && found->end != last) {
       ++count;
       const std::size_t before = made.size();
       add_value(L, made, text, *found, type);
-      budget::charge(L, 1 + static_cast<std::int64_t>((made.size() - before) / 64));
+      account.charge(L, 1 + static_cast<std::int64_t>((made.size() - before) / 64));
       at = last = found->end;
     } else if (at < text.size()) {
       made += text[at++];
     } else {
       break;
     }
-    if (made.size() > kLongest) return luaL_error(L, "string.gsub: the text would be too long");
+    if (made.size() > account.longest())
+      return luaL_error(L, "string.gsub: the text would be too long");
     if (held) break;
   }
   made += text.substr(std::min(at, text.size()));
@@ -225,13 +230,15 @@ int string_gsub(lua_State* L) {
 
 }  // namespace
 
-void open_patterns(lua_State* L) {
+void open_patterns(lua_State* L, const PatternAccount& account) {
   const luaL_Reg rows[] = {{"find", string_find},
                            {"match", string_match},
                            {"gmatch", string_gmatch},
                            {"gsub", string_gsub},
                            {nullptr, nullptr}};
-  luaL_setfuncs(L, rows, 0);
+  // Never written through: Lua has no pointers to what is constant.
+  lua_pushlightuserdata(L, const_cast<PatternAccount*>(&account));
+  luaL_setfuncs(L, rows, 1);
 }
 
 }  // namespace vitreo::scripted

@@ -18,7 +18,9 @@
 #include <csignal>
 #include <cstdio>
 #include <fcntl.h>
+#include <filesystem>
 #include <iostream>
+#include <string>
 #include <string_view>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -90,6 +92,14 @@ int leave(int code) {
   return code == 0 ? static_cast<int>(ExitCode::internal) : code;
 }
 
+/// A name that no file can have, in words of our own. It may be thousands of letters long.
+std::string name_error(const std::filesystem::filesystem_error& error) {
+  constexpr std::size_t kShown = 60;
+  const std::string name = error.path1().string();
+  return "'" + name.substr(0, kShown) + (name.size() > kShown ? "..." : "") +
+         "': " + error.code().message();
+}
+
 }  // namespace
 }  // namespace vitreo
 
@@ -127,6 +137,9 @@ int main(int count, char** words) {
     return fail(error.what(), ExitCode::usage);
   } catch (const vitreo::FolderError& error) {
     return fail(error.what(), ExitCode::usage);
+  } catch (const std::filesystem::filesystem_error& error) {
+    // Of a name that was given: what fails later is an outcome of its run.
+    return fail(vitreo::name_error(error), ExitCode::usage);
   } catch (const vitreo::RightError& error) {
     return fail(error.what(), ExitCode::usage);
   } catch (const vitreo::PreflightError& error) {

@@ -3,7 +3,6 @@
 
 #include "host/engine/coil_report.h"
 #include "host/engine/disk_need.h"
-#include "host/engine/interrupts.h"
 #include "host/engine/watchdog.h"
 #include "host/files/log.h"
 #include "host/files/run_folder.h"
@@ -100,6 +99,7 @@ class RunSession {
     stage.rig->on_unguarded([this](const std::string& why) {
       session_.control.request(StopTier::abort, "because " + why);
     });
+    stage.interrupts->begin(session_.control);
     // A face reports its own failure in the record and does not throw (host/session/face.h).
     for (Face* face : request.how.faces) faces_.begin(*face, session_);
     note_clock(stage);
@@ -124,8 +124,6 @@ class RunSession {
   Session session_;
   const RecordingGuard recording_;
   FaceScope faces_;
-  // Ctrl-C requests a stop from here to the end of the session.
-  const InterruptScope interrupts_;
   // Its tasks use the session's control, so they end first.
   FaultInjector faults_;
 };
@@ -217,6 +215,7 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
   const std::string fault = stage.recorder->fault();
   // A failed disk ends a run as a lost device would.
   if (!fault.empty()) verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + fault};
+  stage.interrupts->end();
   session.control.detach();
   session.control.set_phase(RunPhase::ended);
   session.note_alarms();
@@ -281,6 +280,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
       stage.recorder->event(stage.clock->now(), "unsafe", failure);
     verdict = {Outcome::failed, ExitCode::internal, error.what()};
   }
+  stage.interrupts->end();
   close_record(stage, verdict, location, began);
   write_log("run " + folder + " " + for_terminal(to_string(verdict)));
   if (inspect) inspect(*stage.recorder, *stage.rig);

@@ -217,7 +217,8 @@ class DryRun {
   // thrown on.
   void play(Session& session) {
     // Ctrl-C ends the check itself.
-    const InterruptScope interrupts;
+    InterruptScope interrupts;
+    interrupts.begin(session.control);
     // Clean-up and grace are shorter than a run's: nothing is energized.
     const WatchdogLimits patience{std::chrono::milliseconds(1000), std::chrono::milliseconds(250),
                                   std::chrono::milliseconds(1000)};

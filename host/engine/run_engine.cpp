@@ -34,6 +34,9 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
     // A misspelt --answer would otherwise go unnoticed.
     for (const std::string& answer : session.questions.unused_answers())
       note(session, "nothing was asked that wanted the answer " + answer);
+    // What happened decides, whatever the script has made of it.
+    if (session.control.stop_felt()) throw Stopped();
+    session.facts.check();
   };
   return conduct(stage, engine, request, listener, script, inspect);
 }

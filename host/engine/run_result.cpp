@@ -3,6 +3,7 @@
 
 #include "devices/time/clock.h"
 #include "devices/time/error.h"
+#include "host/session/run_facts.h"
 #include "host/session/script_engine.h"
 
 namespace vitreo {
@@ -28,6 +29,9 @@ Verdict judge(const std::function<void()>& body, const RunControl& control) {
     if (error.kind == DeviceErrorKind::out_of_range)
       return {Outcome::failed, ExitCode::script_error, error.what()};
     return {Outcome::aborted, ExitCode::aborted, error.what()};
+    // Nothing that a script returned makes a trip undone.
+  } catch (const UnacceptedFact& fact) {
+    return {Outcome::aborted, ExitCode::aborted, fact.what()};
     // A fault of the protocol, not of the program.
   } catch (const ScriptError& error) {
     return {Outcome::failed, ExitCode::script_error, error.what()};

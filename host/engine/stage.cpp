@@ -157,6 +157,7 @@ void record_cameras(const RunStage& stage) {
 }  // namespace
 
 void open_record(RunStage& stage, const RunRequest& request, const CheckedRequest& checked) {
+  stage.interrupts = std::make_unique<InterruptScope>();
   stage.recorder =
       std::make_unique<Recorder>(request.where.out, start_record(request, checked, stage),
                                  record_limits(stage.pace == Pace::real_time, stage.disk));

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "host/config/rights.h"
+#include "host/engine/interrupts.h"
 #include "host/engine/link_trace.h"
 #include "host/engine/request_check.h"
 #include "host/record/recorder.h"
@@ -33,6 +34,8 @@ struct RunStage {
   std::shared_ptr<DiskFaults> disk = std::make_shared<DiskFaults>();
   std::unique_ptr<Recorder> recorder;  // null until open_record()
   LinkTrace::Recording traced;         // from open_record() to the record's end
+  // From before there is a record, so that no signal leaves one without its end.
+  std::unique_ptr<InterruptScope> interrupts;
 };
 
 /// Opens the rig; nothing is energized. Throws ConfigError, DeviceError, and ConfigError for a

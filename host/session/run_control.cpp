@@ -203,6 +203,7 @@ RunStatus RunControl::status() const {
 }
 
 void RunControl::begin_stopping() {
+  felt_ = true;
   // An abort zeroes the outputs before the script's clean-up runs; a stop after it.
   set_phase(RunPhase::stopping);
   if (tier() >= StopTier::abort) make_safe();
@@ -229,6 +230,7 @@ void RunControl::set_idle(bool idle) {
     tier_ = StopTier::none;
     for (auto& time : requested_at_) time = 0;
     safe_ = false;
+    felt_ = false;
     set_reason("");
     set_phase(pause_ ? RunPhase::pause_requested : RunPhase::running);
   }

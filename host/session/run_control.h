@@ -81,6 +81,8 @@ class RunControl {
   /// The script has felt the request and unwinds. From the abort tier on the devices are made safe
   /// before anything else.
   void begin_stopping();
+  /// Whether it has: then the run is not completed, whatever came of the stop on its way.
+  bool stop_felt() const noexcept { return felt_.load(); }
   /// The devices' safe state, once after each attach(); what failed is kept for the record.
   void make_safe();
   bool safe() const noexcept { return safe_.load(); }
@@ -106,6 +108,7 @@ class RunControl {
   /// ns of the steady clock, by tier; 0: never.
   std::array<std::atomic<std::int64_t>, 4> requested_at_{};
   std::atomic<bool> safe_{false};
+  std::atomic<bool> felt_{false};
   std::atomic<bool> pause_{false};
   std::atomic<bool> idle_{false};
   std::atomic<unsigned long> changes_{0};

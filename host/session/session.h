@@ -15,6 +15,7 @@
 #include "host/session/progress_listener.h"
 #include "host/session/questions.h"
 #include "host/session/run_control.h"
+#include "host/session/run_facts.h"
 #include "vision/background.h"
 
 #include <cstdint>
@@ -67,6 +68,7 @@ class Session {
   /// The clock keeps the wall clock's pace; else it stands still while an operator is waited for.
   bool real_time = false;
   RunControl control;
+  RunFacts facts{recorder};
   Questions questions;
   Alarms alarms;
   Rehearsal* rehearsal = nullptr;  // a dry run; null in a real one

@@ -5,11 +5,14 @@
 #include "host/session/session.h"
 #include "host/view/control_client.h"
 
+#include <algorithm>
 #include <boost/asio/local/stream_protocol.hpp>
 #include <boost/asio/read_until.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <iterator>
 #include <list>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 
@@ -22,32 +25,88 @@ using Local = asio::local::stream_protocol;
 
 constexpr std::size_t kLongestLine = 64 << 10;
 constexpr std::size_t kMostClients = 16;
+/// Beyond them: heard, until so many later ones have come.
+constexpr std::size_t kMostVisitors = 256;
 constexpr auto kStatusPeriod = std::chrono::milliseconds(50);  // of the checks for a change
+
+/// A request to end the run, whatever else the line holds: nothing about it is a reason to refuse
+/// it. So {"do": "stop"} with any decoration, and the plain word.
+std::optional<OperatorCommand> end_of_run(const std::string& line) {
+  OperatorCommand command;
+  command.source = "the control socket";
+  const nlohmann::json request = nlohmann::json::parse(line, nullptr, false);
+  const auto text = [&request](const char* key) {
+    const auto found = request.find(key);
+    return found != request.end() && found->is_string() ? found->get<std::string>() : "";
+  };
+  if (request.is_object()) {
+    command.word = text("do");
+    command.by = text("by");
+  } else {
+    const std::size_t begin = line.find_first_not_of(" \t\r"), end = line.find_last_not_of(" \t\r");
+    if (begin != std::string::npos) command.word = line.substr(begin, end - begin + 1);
+  }
+  if (!OperatorDesk::ends_run(command.word)) return std::nullopt;
+  return command;
+}
 
 /// "positions" of a target, m, world; empty for other requests. Throws std::invalid_argument.
 /// The number of targets is limited by OperatorTargets, their reach by the script that takes them.
 std::vector<Eigen::Vector3d> positions_of(const nlohmann::json& request) {
   std::vector<Eigen::Vector3d> positions;
   for (const nlohmann::json& one : request.value("positions", nlohmann::json::array())) {
-    if (!one.is_array() || one.size() != 3)
-      throw std::invalid_argument("positions: wants a list of [x, y, z] in m");
+    const bool numbers = one.is_array() && one.size() == 3 &&
+                         std::all_of(one.begin(), one.end(),
+                                     [](const nlohmann::json& each) { return each.is_number(); });
+    if (!numbers) throw std::invalid_argument("positions: wants a list of [x, y, z] in m");
     positions.emplace_back(one[0].get<double>(), one[1].get<double>(), one[2].get<double>());
   }
   return positions;
 }
 
+/// "" where it is not given. Throws std::invalid_argument for what is no text.
+std::string text_of(const nlohmann::json& request, const std::string& key) {
+  const auto found = request.find(key);
+  if (found == request.end()) return "";
+  if (!found->is_string()) throw std::invalid_argument(key + ": wants a text");
+  return *found;
+}
+
+/// false where it is not given. Throws std::invalid_argument.
+bool flag_of(const nlohmann::json& request, const std::string& key) {
+  const auto found = request.find(key);
+  if (found == request.end()) return false;
+  if (!found->is_boolean()) throw std::invalid_argument(key + ": wants true or false");
+  return *found;
+}
+
 /// The request as a command of OperatorDesk; a field of the wrong type throws.
 OperatorCommand command_of(const nlohmann::json& request) {
   OperatorCommand command;
-  command.word = request.at("do");
-  command.by = request.value("by", "");
+  command.word = text_of(request, "do");
+  command.by = text_of(request, "by");
   command.source = "the control socket";
-  if (command.word == "pause") command.text = request.value("at", "");
-  if (command.word == "answer") command.text = request.at("text");
-  if (command.word == "ack") command.text = request.value("alarm", "");
-  command.override_condition = request.value("override", false);
+  if (command.word == "pause") command.text = text_of(request, "at");
+  if (command.word == "ack") command.text = text_of(request, "alarm");
+  if (command.word == "answer" && !request.contains("text"))
+    throw std::invalid_argument("text: is missing");
+  if (command.word == "answer") command.text = text_of(request, "text");
+  command.override_condition = flag_of(request, "override");
   command.targets = positions_of(request);
   return command;
+}
+
+/// Throws std::invalid_argument in words of our own.
+nlohmann::json parsed(const std::string& line) {
+  nlohmann::json request = nlohmann::json::parse(line, nullptr, false);
+  if (request.is_discarded()) throw std::invalid_argument("is no JSON; wants {\"do\": WORD}");
+  return request;
+}
+
+/// Of a line that was understood; a plain word to end the run is no JSON.
+bool is_watch(const std::string& line) {
+  const nlohmann::json request = nlohmann::json::parse(line, nullptr, false);
+  return request.is_object() && request.value("do", "") == "watch";
 }
 
 nlohmann::json status_reply(const OperatorDesk& desk) {
@@ -59,7 +118,11 @@ nlohmann::json status_reply(const OperatorDesk& desk) {
 // Never throws: whatever a client sends, the reply is JSON, and the connection goes on.
 nlohmann::json answer_request(const std::string& line, OperatorDesk& desk) {
   try {
-    const nlohmann::json request = nlohmann::json::parse(line);
+    if (const auto end = end_of_run(line)) {
+      desk.perform(*end);
+      return status_reply(desk);
+    }
+    const nlohmann::json request = parsed(line);
     if (!request.is_object() || !request.contains("do"))
       throw std::invalid_argument("wants {\"do\": WORD}");
     const OperatorCommand command = command_of(request);
@@ -78,6 +141,7 @@ struct ControlSocket::Server {
     Local::socket socket;
     std::string received;
     bool watches = false;
+    bool visitor = false;  // came when there was no room
   };
   // A list: an entry stays valid when others are dropped.
   using Entry = std::list<Client>::iterator;
@@ -92,7 +156,7 @@ struct ControlSocket::Server {
       // A file of that name was left by a host that was killed: removed above.
       acceptor.open(endpoint.protocol());
       acceptor.bind(endpoint);
-      acceptor.listen(4);
+      acceptor.listen(128);
     } catch (const std::exception& error) {
       throw std::runtime_error(path.string() + ": cannot listen: " + error.what());
     }
@@ -110,16 +174,25 @@ struct ControlSocket::Server {
 
   void accept() {
     acceptor.async_accept([this](boost::system::error_code failed, Local::socket socket) {
-      // Beyond that the connection is closed again, by the end of `socket`.
-      if (!failed && clients.size() < kMostClients) {
-        // send() must not wait for a client.
-        socket.non_blocking(true, failed);
-        clients.emplace_back(std::move(socket));
-        read(std::prev(clients.end()));
-      }
+      // Who comes when there is no room is heard all the same, for it may be a stop.
+      if (!failed) admit(std::move(socket));
       accept();
     });
   }
+
+  void admit(Local::socket socket) {
+    boost::system::error_code ignored;
+    // send() must not wait for a client.
+    socket.non_blocking(true, ignored);
+    const auto visitors =
+        static_cast<std::size_t>(std::count_if(clients.begin(), clients.end(), is_visitor));
+    clients.emplace_back(std::move(socket));
+    clients.back().visitor = clients.size() - visitors > kMostClients;
+    if (visitors >= kMostVisitors) close(*std::find_if(clients.begin(), clients.end(), is_visitor));
+    read(std::prev(clients.end()));
+  }
+  /// One that is closed already leaves at its next read.
+  static bool is_visitor(const Client& client) { return client.visitor && client.socket.is_open(); }
 
   void read(Entry client) {
     // A line beyond kLongestLine is an error of the read, and drops the client.
@@ -136,7 +209,11 @@ struct ControlSocket::Server {
     const std::string line = client.received.substr(0, end - 1);
     client.received.erase(0, end);
     const nlohmann::json reply = answer_request(line, desk);
-    if (reply["ok"] && nlohmann::json::parse(line)["do"] == "watch") client.watches = true;
+    const bool watch = reply["ok"] && is_watch(line);
+    // What is sent without being asked for needs a place.
+    if (watch && client.visitor)
+      return send(client, {{"ok", false}, {"error", "there are too many clients to watch"}});
+    if (watch) client.watches = true;
     return send(client, reply);
   }
 

@@ -111,13 +111,6 @@ TEST_F(Surroundings, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
   EXPECT_EQ(late.exit_code, 0) << "it warns";
   EXPECT_NE(late.out.find("not fully simulated"), std::string::npos) << late.out;
 #endif
-  place.write(
-      "stuck.lua",
-      "return { title = 's', run = function() string.find(('a'):rep(400), '.-.-.-.-.-b$') end }");
-  const Spoken stuck = place.vitreo("check stuck.lua --rig bare.lua --limit 200ms");
-  EXPECT_EQ(stuck.exit_code, 8);
-  EXPECT_NE(stuck.out.find("problem: the script is stuck in a call"), std::string::npos)
-      << stuck.out;
   EXPECT_EQ(place.runs(), 0);
 }
 

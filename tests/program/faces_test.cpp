@@ -88,6 +88,9 @@ TEST(Help, WrongWordsGetOneLineWithWhatWasPerhapsMeant) {
            {"run hello_rig --fault top_camera:drops:after=1s,after=2s", "after is given twice"},
            {"run hello_rig --out /proc/nowhere", "/proc/nowhere"},
            {"runs --since yesterday", "--since: wants a time such as 2026-11-21"},
+           {"run hello_rig --rig /dev/zero", "/dev/zero: is a device or a pipe, not a Lua file"},
+           {"run hello_rig --out ''", "'': "},
+           {"run " + std::string(5000, 'x'), "xxx...': File name too long"},
            {"show nothing_like_it", "nothing_like_it"}}) {
     const Spoken spoken = place.vitreo(words);
     EXPECT_EQ(spoken.exit_code, 2) << words;

@@ -37,13 +37,14 @@ int create(lua_State* L) {
   return 1;
 }
 
-/// context.running is the state that an interrupt is armed on. Both sides are armed anew, since a
-/// stop may have come while the hook was on the other one.
-int lua_resume_tracked(lua_State* L, lua_State* co, int arguments, int* results) {
+/// `go` runs the coroutine `co`. context.running is the state that an interrupt is armed on; both
+/// sides are armed anew, since a stop may have come while the hook was on the other one.
+template <class Go>
+int tracked(lua_State* L, lua_State* co, const Go& go) {
   Context& context = context_of(L);
   context.running = co;
   if (context.interrupted) arm_stop(co);
-  const int status = lua_resume(co, L, arguments, results);
+  const int status = go();
   context.running = L;
   if (context.interrupted) arm_stop(L);
   return status;
@@ -57,10 +58,16 @@ LuaTask* waiting_task(lua_State* L) {
   return task && task->wait ? task : nullptr;
 }
 
+int lua_resume_tracked(lua_State* L, lua_State* co, int arguments, int* results) {
+  return tracked(L, co, [&] { return lua_resume(co, L, arguments, results); });
+}
+
 /// Resumes `co` with the arguments on top of L. The number of results now on L, -1 for an error
 /// object there; kHostWait when `co` waits for the host: L must yield.
+/// A stop that was felt since there were `stops` goes on, also where a <close> variable that it met
+/// has yielded or returned instead.
 constexpr int kError = -1, kHostWait = -2;
-int go_on(lua_State* L, lua_State* co, int arguments) {
+int go_on(lua_State* L, lua_State* co, int arguments, std::size_t stops) {
   if (!lua_checkstack(co, arguments)) return luaL_error(L, "too many arguments to resume");
   // Lua's own test of a dead coroutine: nothing to run, nothing suspended.
   if (lua_status(co) == LUA_OK && lua_gettop(co) == 0) {
@@ -80,6 +87,7 @@ int go_on(lua_State* L, lua_State* co, int arguments) {
         "cannot wait here: this coroutine was resumed inside a function that Lua cannot suspend"));
     status = lua_resume_tracked(L, co, 0, &results);
   }
+  let_stop_pass(L, stops);
   if (status == LUA_OK || status == LUA_YIELD) {
     luaL_checkstack(L, results + 1, "too many results to resume");
     lua_xmove(co, L, results);
@@ -100,13 +108,13 @@ lua_State* coroutine_at(lua_State* L, int index) {
 
 int continue_resume(lua_State* L, int, lua_KContext);
 
-/// The coroutine stays at index 1 through all waits. As coroutine.resume: true and the results, or
-/// false and the error.
-int resume_with(lua_State* L, int arguments) {
-  const int results = go_on(L, coroutine_at(L, 1), arguments);
+/// The coroutine stays at index 1 through all waits, and with them the number of stops from before
+/// the first. As coroutine.resume: true and the results, or false and the error.
+int resume_with(lua_State* L, int arguments, lua_KContext stops) {
+  const int results = go_on(L, coroutine_at(L, 1), arguments, static_cast<std::size_t>(stops));
   if (results == kHostWait) {
     lua_settop(L, 1);
-    return lua_yieldk(L, 0, 0, continue_resume);
+    return lua_yieldk(L, 0, stops, continue_resume);
   }
   lua_pushboolean(L, results != kError);
   const int count = results == kError ? 1 : results;
@@ -115,27 +123,30 @@ int resume_with(lua_State* L, int arguments) {
 }
 
 /// Entered anew after each wait of the host; what was passed to resume has been passed already.
-int continue_resume(lua_State* L, int, lua_KContext) { return resume_with(L, 0); }
+int continue_resume(lua_State* L, int, lua_KContext stops) { return resume_with(L, 0, stops); }
 int resume(lua_State* L) {
   coroutine_at(L, 1);
-  return resume_with(L, lua_gettop(L) - 1);
+  return resume_with(L, lua_gettop(L) - 1, static_cast<lua_KContext>(stops_felt(L)));
 }
 
 int continue_wrapped(lua_State* L, int, lua_KContext);
 
 /// As resume_with, but errors go on. The coroutine is upvalue 1.
-int wrapped_with(lua_State* L, int arguments) {
-  const int results = go_on(L, lua_tothread(L, lua_upvalueindex(1)), arguments);
+int wrapped_with(lua_State* L, int arguments, lua_KContext stops) {
+  const int results =
+      go_on(L, lua_tothread(L, lua_upvalueindex(1)), arguments, static_cast<std::size_t>(stops));
   if (results == kHostWait) {
     lua_settop(L, 0);
-    return lua_yieldk(L, 0, 0, continue_wrapped);
+    return lua_yieldk(L, 0, stops, continue_wrapped);
   }
   if (results == kError) return lua_error(L);
   return results;
 }
 
-int continue_wrapped(lua_State* L, int, lua_KContext) { return wrapped_with(L, 0); }
-int wrapped(lua_State* L) { return wrapped_with(L, lua_gettop(L)); }
+int continue_wrapped(lua_State* L, int, lua_KContext stops) { return wrapped_with(L, 0, stops); }
+int wrapped(lua_State* L) {
+  return wrapped_with(L, lua_gettop(L), static_cast<lua_KContext>(stops_felt(L)));
+}
 
 int wrap(lua_State* L) {
   create(L);
@@ -159,7 +170,10 @@ int close(lua_State* L) {
   lua_Debug frame;
   const bool runs = co == L || (lua_status(co) == LUA_OK && lua_getstack(co, 0, &frame));
   if (runs) return luaL_error(L, "cannot close a running coroutine");
-  if (lua_resetthread(co) == LUA_OK) {
+  const std::size_t stops = stops_felt(L);
+  const int status = tracked(L, co, [co] { return lua_resetthread(co); });
+  let_stop_pass(L, stops);
+  if (status == LUA_OK) {
     lua_pushboolean(L, 1);
     return 1;
   }

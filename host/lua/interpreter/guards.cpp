@@ -2,7 +2,6 @@
 // finalizers.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/context.h"
-#include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/state.h"
 #include "host/lua/interpreter/stop.h"
 
@@ -11,25 +10,10 @@
 namespace vitreo::lua {
 namespace {
 
-/// How many stops the running task has felt. A pcall that began before the last one lets go of
-/// everything, even when clean-up code has replaced the stop by an error of its own.
-lua_KContext stops_felt(lua_State* L) {
-  const Scheduler* const scheduler = context_of(L).scheduler;
-  return scheduler && scheduler->current() ? static_cast<lua_KContext>(scheduler->current()->stops)
-                                           : 0;
-}
-
-/// Raises the stop anew where it was felt during the call, whatever the call returned.
-void let_stop_pass(lua_State* L, lua_KContext stops_before) {
-  if (stops_felt(L) == stops_before) return;
-  push_stop(L);
-  lua_error(L);
-}
-
 /// Also entered after a wait inside the call. On success the true that was pushed first stands
 /// below the results. A stop is never an error that pcall returns.
 int end_protected(lua_State* L, int status, lua_KContext stops_before) {
-  let_stop_pass(L, stops_before);
+  let_stop_pass(L, static_cast<std::size_t>(stops_before));
   if (status == LUA_OK || status == LUA_YIELD) return lua_gettop(L);
   if (is_stop(L, -1)) return lua_error(L);
   Context& context = context_of(L);
@@ -52,7 +36,7 @@ int protected_call(lua_State* L) {
   luaL_checkany(L, 1);
   lua_pushboolean(L, 1);
   lua_insert(L, 1);
-  const lua_KContext stops = stops_felt(L);
+  const auto stops = static_cast<lua_KContext>(stops_felt(L));
   return end_protected(L, lua_pcallk(L, lua_gettop(L) - 2, LUA_MULTRET, 0, stops, end_protected),
                        stops);
 }
@@ -79,7 +63,7 @@ int protected_call_with_handler(lua_State* L) {
   lua_replace(L, 1);  // handler, handler, f, ...
   lua_pushboolean(L, 1);
   lua_replace(L, 2);  // handler, true, f, ...
-  const lua_KContext stops = stops_felt(L);
+  const auto stops = static_cast<lua_KContext>(stops_felt(L));
   const int status =
       lua_pcallk(L, lua_gettop(L) - 3, LUA_MULTRET, 1, stops, end_protected_with_handler);
   return end_protected_with_handler(L, status, stops);
@@ -109,6 +93,9 @@ int load(lua_State* L) {
     return luaL_error(L, "load: wants a string, got %s", luaL_typename(L, 1));
   std::size_t size = 0;
   const char* const text = lua_tolstring(L, 1, &size);
+  // No stop is felt while it is compiled.
+  constexpr std::size_t kLongest = 1 << 20;
+  if (size > kLongest) return luaL_error(L, "load: the text is longer than 1 MB");
   const bool has_environment = !lua_isnone(L, 4);
   if (luaL_loadbufferx(L, text, size, luaL_optstring(L, 2, "=(load)"), "t") != LUA_OK) {
     lua_pushnil(L);

@@ -30,11 +30,13 @@ int task_body(lua_State* L) {
 }  // namespace
 
 Scheduler::~Scheduler() {
-  for (const auto& task : tasks_) luaL_unref(context_.main, LUA_REGISTRYINDEX, task->reference);
+  for (const auto& [number, task] : tasks_)
+    luaL_unref(context_.main, LUA_REGISTRYINDEX, task->reference);
 }
 
 LuaTask& Scheduler::add(lua_State* L, int arguments) {
   auto task = std::make_unique<LuaTask>();
+  task->number = made_++;
   task->thread = lua_newthread(L);
   task->reference = luaL_ref(L, LUA_REGISTRYINDEX);
   task->parent = current_;
@@ -42,13 +44,20 @@ LuaTask& Scheduler::add(lua_State* L, int arguments) {
   luaL_checkstack(task->thread, arguments + 2, "too many arguments");
   lua_pushcfunction(task->thread, task_body);
   lua_xmove(L, task->thread, arguments + 1);
-  tasks_.push_back(std::move(task));
-  return *tasks_.back();
+  LuaTask& added = *(tasks_[task->number] = std::move(task));
+  make_ready(added);
+  return added;
+}
+
+void Scheduler::make_ready(LuaTask& task) {
+  task.state = LuaTask::State::ready;
+  ready_[task.number] = &task;
 }
 
 void Scheduler::remove(LuaTask& task) {
   luaL_unref(context_.main, LUA_REGISTRYINDEX, task.reference);
-  std::erase_if(tasks_, [&](const auto& held) { return held.get() == &task; });
+  ready_.erase(task.number);
+  tasks_.erase(task.number);
 }
 
 int Scheduler::run(int arguments) {
@@ -73,12 +82,6 @@ void Scheduler::loop(const LuaTask& root) {
   }
 }
 
-LuaTask* Scheduler::ready_task() {
-  for (const auto& task : tasks_)
-    if (task->state == LuaTask::State::ready) return task.get();
-  return nullptr;
-}
-
 void Scheduler::resume(LuaTask& task) {
   current_ = &task;
   context_.running = task.thread;
@@ -87,6 +90,7 @@ void Scheduler::resume(LuaTask& task) {
   int results = 0;
   const int status =
       lua_resume(task.thread, context_.main, std::exchange(task.arguments, 0), &results);
+  ready_.erase(task.number);  // only now: it may have stopped itself
   context_.running = nullptr;
   context_.stops_felt = nullptr;
   current_ = nullptr;
@@ -113,12 +117,12 @@ void Scheduler::look(LuaTask& task) {
   } catch (const std::exception&) {
     task.error = std::current_exception();
   }
-  task.state = LuaTask::State::ready;
+  make_ready(task);
 }
 
 bool Scheduler::look_at_all() {
-  // By index: a predicate may stop its children, which never adds or removes a task.
-  for (const auto& task : tasks_) look(*task);
+  // A predicate may stop its children, which never adds or removes a task.
+  for (const auto& [number, task] : tasks_) look(*task);
   return ready_task() != nullptr;
 }
 
@@ -127,7 +131,7 @@ void Scheduler::wait_for_any() {
   std::vector<Signal*> signals;
   Time deadline = kForever;
   std::string what, idle, useful;
-  for (const auto& task : tasks_) {
+  for (const auto& [number, task] : tasks_) {
     if (task->state != LuaTask::State::waiting) continue;
     if (!task->wait->ends_children) {
       what += (what.empty() ? "" : ", ") + task->wait->what;
@@ -183,23 +187,23 @@ void Scheduler::wait_on(const std::vector<Signal*>& signals, Time deadline) {
 }
 
 void Scheduler::end_waits(const std::exception_ptr& error) {
-  for (const auto& task : tasks_) {
+  for (const auto& [number, task] : tasks_) {
     if (task->state != LuaTask::State::waiting || task->wait->ends_children) continue;
     task->stop = !error;
     task->error = error;
-    task->state = LuaTask::State::ready;
+    make_ready(*task);
   }
 }
 
 void Scheduler::stop(LuaTask& task) {
   if (task.state == LuaTask::State::done) return;
   if (task.state == LuaTask::State::waiting && task.wait->ends_children) {
-    for (const auto& child : tasks_)
+    for (const auto& [number, child] : tasks_)
       if (child->parent == &task) stop(*child);
     return;
   }
   task.stop = true;
-  task.state = LuaTask::State::ready;
+  make_ready(task);
 }
 
 bool Scheduler::all_done(const std::vector<LuaTask*>& tasks) const {

@@ -8,7 +8,9 @@
 
 #include <lua.hpp>
 
+#include <cstddef>
 #include <exception>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,6 +21,7 @@ struct Context;
 
 /// One coroutine of the script, by way of run:together or as the root.
 struct LuaTask {
+  std::size_t number = 0;  // in the order in which they were made
   lua_State* thread = nullptr;
   int reference = LUA_NOREF;  // keeps the coroutine
   LuaTask* parent = nullptr;
@@ -55,7 +58,8 @@ class Scheduler {
 
  private:
   void loop(const LuaTask& root);
-  LuaTask* ready_task();
+  LuaTask* ready_task() { return ready_.empty() ? nullptr : ready_.begin()->second; }
+  void make_ready(LuaTask& task);
   void resume(LuaTask& task);
   void wait_for_any();
   bool look_at_all();
@@ -65,7 +69,10 @@ class Scheduler {
 
   Context& context_;
   LuaTask* current_ = nullptr;
-  std::vector<std::unique_ptr<LuaTask>> tasks_;
+  // By number; of those that are ready the first one goes on.
+  std::map<std::size_t, std::unique_ptr<LuaTask>> tasks_;
+  std::map<std::size_t, LuaTask*> ready_;
+  std::size_t made_ = 0;
   Signal any_;  // a watcher saw what it waited for
   unsigned long alarms_seen_ = 0;
 };

@@ -75,6 +75,7 @@ State::State(const Library& library, Session* session, const std::vector<std::st
     open_errors(L);
     open_guards(L);
     open_coroutines(L);
+    open_long_calls(L);
     open_order(L);
     open_time(L);
     open_vectors(L);
@@ -105,8 +106,12 @@ void load_text(lua_State* L, const std::string& text, const std::string& file) {
 
 std::string read_text_file(const std::string& file) {
   std::error_code error;
-  if (std::filesystem::is_directory(file, error))
+  const std::filesystem::file_status status = std::filesystem::status(file, error);
+  if (std::filesystem::is_directory(status))
     throw ScriptError(file + ": is a folder, not a Lua file");
+  // A pipe is waited at for ever, and some devices have no end.
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+    throw ScriptError(file + ": is a device or a pipe, not a Lua file");
   std::ifstream in(file, std::ios::binary);
   if (!in) throw ScriptError(file + ": there is no such file, or it cannot be read");
   if (const auto size = std::filesystem::file_size(file, error); !error && size > kLargestText)

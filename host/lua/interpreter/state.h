@@ -37,6 +37,7 @@ void open_coroutines(lua_State* L);  // coroutine.*
 void open_order(lua_State* L);       // pairs, next, tostring, string.format, print
 void open_time(lua_State* L);        // os.*, math.random
 void open_modules(lua_State* L);     // require
+void open_long_calls(lua_State* L);  // of string, table, utf8: those whose C code can take long
 void open_strictness(lua_State* L);  // reading an undefined global is an error
 void push_units(lua_State* L);
 /// What require(name) gives: [value] -> [].

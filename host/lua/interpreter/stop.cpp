@@ -54,6 +54,17 @@ void limit_hook(lua_State* L, lua_Debug*) {
 
 }  // namespace
 
+void feel_stop(lua_State* L) {
+  Context& context = context_of(L);
+  if (context.session == nullptr) {
+    if (context.reading_ends > 0) limit_hook(L, nullptr);
+    return;
+  }
+  if (!context.interrupted) return;
+  take_interrupt(context);
+  raise_stop(L);
+}
+
 void push_stop(lua_State* L) { lua_pushlightuserdata(L, const_cast<char*>(&kStop)); }
 bool is_stop(lua_State* L, int index) {
   return lua_touserdata(L, index) == static_cast<const void*>(&kStop);
@@ -68,6 +79,17 @@ void raise_stop(lua_State* L) {
   push_stop(L);
   lua_error(L);
   throw Stopped();  // not reached: lua_error does not return
+}
+
+std::size_t stops_felt(lua_State* L) {
+  const std::size_t* const felt = context_of(L).stops_felt;
+  return felt == nullptr ? 0 : *felt;
+}
+
+void let_stop_pass(lua_State* L, std::size_t before) {
+  if (stops_felt(L) == before) return;
+  push_stop(L);
+  lua_error(L);
 }
 
 void take_interrupt(Context& context) {

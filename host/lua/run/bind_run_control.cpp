@@ -196,6 +196,13 @@ int end(Call& call, StopTier tier) {
 int stop(Call& call) { return end(call, StopTier::stop); }
 int abort(Call& call) { return end(call, StopTier::abort); }
 
+/// The script's thread holds the baton, and so it is the one that notes events.
+int accept(Call& call) {
+  Session& session = session_of(call.L);
+  session.facts.accept(session.clock.now(), call.text(0), call.text(1));
+  return 0;
+}
+
 Argument reason_argument() { return {.name = "reason", .type = Type::text, .optional = true}; }
 
 }  // namespace
@@ -235,6 +242,17 @@ std::vector<Binding> run_control_rows() {
        "holds the run up at its checkpoints while a condition is true",
        suspend_when,
        "run:suspend_when(\"too warm\", function() return false end)"},
+      {"accept",
+       {{.name = "fact",
+         .type = Type::text,
+         .help = "interlock: it tripped; servo failed: a loop ended by an error",
+         .choices = RunFacts::kinds()},
+        {.name = "reason", .type = Type::text, .help = "for the record"}},
+       "",
+       "says that what happened is part of this run; else a run in which it did ends aborted, "
+       "whatever the script returns",
+       accept,
+       "pcall(run.accept, run, \"interlock\", \"the limit is what this run tries\")"},
       {"stop",
        {reason_argument()},
        "",

@@ -96,11 +96,16 @@ std::string too_long(const Context& context, const std::string& file) {
   return place + "the file takes too long to read: is there a loop without an end?";
 }
 
+/// A rig is some pages long; one of megabytes would be read for seconds before it is refused.
+constexpr std::size_t kLongestRig = 1 << 20;  // bytes
+
 /// One file, without what it builds on. Throws ScriptError with file and line.
 RigDescription read_alone(const Library& library, const RigSource& source) {
   RigDescription rig;
   rig.file = source.file, rig.text = source.text;
   const std::string& file = rig.file;
+  if (rig.text.size() > kLongestRig)
+    throw ScriptError(file + ": is longer than a rig file may be: 1 MB");
   State state(library, nullptr, {});
   lua_State* const L = state.main();
   try {

@@ -111,11 +111,11 @@ TEST(Pattern, FindsWhatLuaFinds) {
 
 TEST(Pattern, HasAnEnd) {
   const std::string text(20000, 'a');
-  std::int64_t steps = 100000;
+  PatternSteps steps(100000);
   EXPECT_THROW(find_pattern(text, "(.-)(.-)(.-)x", 0, steps), PatternWork);
-  steps = 100000;
+  steps.left = 100000;
   EXPECT_THROW(find_pattern(text, ".-.-.-%f[b]", 0, steps), PatternWork);
-  steps = 100000;
+  steps.left = 100000;
   EXPECT_THROW(find_pattern(text, std::string(500, '(') + "a", 0, steps), PatternError);
 }
 

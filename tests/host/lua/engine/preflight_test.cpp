@@ -17,6 +17,7 @@
 #include <array>
 #include <fstream>
 #include <sstream>
+#include <unistd.h>
 
 namespace vitreo {
 namespace {
@@ -70,6 +71,33 @@ std::string all(const std::vector<std::string>& lines) {
   std::string text;
   for (const std::string& line : lines) text += line + ";";
   return text;
+}
+
+/// Its scripts never come back: as where a call into the host hangs.
+struct StuckEngine : ScriptEngine {
+  explicit StuckEngine(ScriptEngine& its_engine) : engine(its_engine) {}
+  ProtocolDescription describe(const std::string& file) override { return engine.describe(file); }
+  RigDescription load_rig(const std::string& file) override { return engine.load_rig(file); }
+  RigDescription recorded_rig(const RigSource& rig, const std::vector<RigSource>& bases) override {
+    return engine.recorded_rig(rig, bases);
+  }
+  void run(const ProtocolDescription&, const std::map<std::string, ArgumentValue>&,
+           Session&) override {
+    while (true) ::pause();
+  }
+  void prompt(Session&, LineEditor&, std::ostream&, std::ostream&) override {}
+  void interrupt() noexcept override {}
+  ScriptEngine& engine;
+};
+
+TEST_F(PreflightTest, AScriptThatIsStuckInACallEndsTheProcessAndSaysSo) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  script("");
+  StuckEngine stuck(*engine);
+  EXPECT_EXIT(preflight(stuck, request, {0.2, {}}),
+              testing::ExitedWithCode(static_cast<int>(ExitCode::preflight_failed)),
+              "the script is stuck in a call that nothing can interrupt");
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "runs"));
 }
 
 TEST_F(PreflightTest, SaysWhatWouldBeMovedAndEnergizedAndHowLongAtLeast) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/host/lua/interpreter/lua_bench.h"
 
+#include <lua.hpp>
+
 namespace vitreo {
 namespace {
 
@@ -110,17 +112,96 @@ TEST_F(Sandbox, TimeIsTheClocks) {
 TEST_F(Sandbox, MemoryIsCapped) {
   expect_all(run("local t = {}\nwhile true do t[#t + 1] = ('x'):rep(1000000) .. #t end").error,
              {"p.lua:3: ", "not enough memory", "256 MB"});
-  EXPECT_EQ(
-      run("local ok, why = pcall(function() local t = {}\n"
-          "  while true do t[#t + 1] = ('x'):rep(1000000) .. #t end end)\n"
-          "assert(not ok and why:find('not enough memory')) local again = ('x'):rep(100000000)")
-          .error,
-      "");
+  EXPECT_EQ(run("local ok, why = pcall(function() local t = {}\n"
+                "  while true do t[#t + 1] = ('x'):rep(1000000) .. #t end end)\n"
+                "assert(not ok and why:find('not enough memory')) local again = {}\n"
+                "for i = 1, 6 do again[i] = ('x'):rep(16000000) .. i end")
+                .error,
+            "");
 }
 
 TEST_F(Sandbox, StatesAreFreshForEachRun) {
   ASSERT_EQ(run("kept = 5").error, "");
   expect_all(run("print(kept)").error, {"kept is not defined"});
+}
+
+/// 4000 random calls of what stands in the place of Lua's own functions; a line for each 100.
+constexpr const char* kLibraryCalls = R"lua(
+local seed = 12345
+local function any(n)
+  seed = (seed * 1103515245 + 12345) % 2147483648
+  return seed // 65536 % n
+end
+local function list()
+  local t = {}
+  for i = 1, any(9) do t[i] = any(5) end
+  return t
+end
+local function shown(...)
+  local words = {}
+  for i = 1, select("#", ...) do
+    local value = select(i, ...)
+    words[i] = type(value) == "table" and "{" .. table.concat(value, ",") .. "}" or tostring(value):gsub("^.-:%d+: ", "")
+  end
+  return table.concat(words, "|")
+end
+local said = ""
+for i = 1, 4000 do
+  local t = list()
+  local calls = {
+    function() return table.insert(t, any(12) - 2, 77) end,
+    function() return table.insert(t, 78) end,
+    function() return table.insert(t) end,
+    function() return table.remove(t, any(12) - 2) end,
+    function() return table.remove(t) end,
+    function() return #table.move(t, any(6), any(6), any(6) + 1) end,
+    function() return #table.move(t, any(6), any(6), any(6) + 1, list()) end,
+    function() table.sort(t) return #t end,
+    function() return ("ab"):sub(1, any(3)):rep(any(5) - 1, any(2) == 0 and "," or nil) end,
+    function() return table.move(5, 1, 2, 3) end,
+    function() return ("x"):rep("y") end,
+    function() return table.remove({}, any(3)) end,
+    function() return utf8.len("aäß"), ("aB"):upper(), ("aB"):lower(), ("ab"):reverse(), ("ab"):byte(1, -1) end,
+  }
+  said = said .. shown(pcall(calls[any(#calls) + 1])) .. shown(t) .. ";"
+  if i % 100 == 0 then print(said) said = "" end
+end
+)lua";
+
+/// What plain Lua prints.
+std::vector<std::string> lines_of_plain_lua(const char* text) {
+  std::vector<std::string> lines;
+  lua_State* const L = luaL_newstate();
+  luaL_openlibs(L);
+  lua_pushlightuserdata(L, &lines);
+  lua_pushcclosure(
+      L,
+      [](lua_State* state) {
+        static_cast<std::vector<std::string>*>(lua_touserdata(state, lua_upvalueindex(1)))
+            ->emplace_back(luaL_checkstring(state, 1));
+        return 0;
+      },
+      1);
+  lua_setglobal(L, "print");
+  EXPECT_EQ(luaL_dostring(L, text), LUA_OK) << lua_tostring(L, -1);
+  lua_close(L);
+  return lines;
+}
+
+TEST_F(Sandbox, WhatStandsInThePlaceOfLuasFunctionsDoesAsTheyDo) {
+  EXPECT_EQ(run(kLibraryCalls).error, "");
+  const std::vector<std::string> plain = lines_of_plain_lua(kLibraryCalls);
+  ASSERT_EQ(plain.size(), 40u);
+  EXPECT_EQ(listener.lines, plain);
+}
+
+TEST_F(Sandbox, TextsAreBounded) {
+  expect_all(run("('x'):rep(1 << 40)").error, {"string.rep", "16 MB"});
+  expect_all(run("load(('x=1 '):rep(1000000))").error, {"load", "1 MB"});
+  EXPECT_EQ(
+      run("assert(#('ab'):rep(3, ',') == 8 and ('x'):rep(-1) == '' and (''):rep(1 << 60) == '')")
+          .error,
+      "");
 }
 
 TEST_F(Sandbox, FinalizersAreRefused) {

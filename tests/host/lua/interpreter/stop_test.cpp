@@ -121,6 +121,78 @@ TEST_F(Stopping, AnEndlessLoopIsStoppedBySignal) {
   }
 }
 
+/// A function that closes a variable whose __close does `what`.
+std::string closing(const std::string& what) {
+  return "(function() local y <close> = setmetatable({}, {__close = function() " + what +
+         " end}) while true do end end)";
+}
+
+TEST_F(Stopping, ACloseThatYieldsInACoroutineDoesNotSwallowIt) {
+#ifdef __SANITIZE_THREAD__
+  GTEST_SKIP()
+      << "the thread sanitizer keeps signals back until a call that blocks; this loop has none";
+#endif
+  const std::string yields = closing("coroutine.yield()");
+  const std::string waits_and_yields = closing("run:wait(0.01) coroutine.yield()");
+  for (const std::string& body : {
+           "coroutine.wrap(" + yields + ")()",
+           "coroutine.resume(coroutine.create(" + yields + "))",
+           "while true do coroutine.wrap(" + yields + ")() end",
+           "coroutine.wrap(" + waits_and_yields + ")()",
+           "coroutine.resume(coroutine.create(" + waits_and_yields + "))",
+           "run:together(function() coroutine.wrap(" + yields + ")() end, function() end)",
+           std::string("local co = coroutine.create(function() local y <close> = setmetatable({}, "
+                       "{__close = function() while true do end end}) coroutine.yield() end) "
+                       "coroutine.resume(co) coroutine.close(co)"),
+           "local co = coroutine.create(function() local y <close> = setmetatable({}, {__close = "
+           "function() " +
+               yields + "() end}) coroutine.yield() end) coroutine.resume(co) coroutine.close(co)",
+       }) {
+    press_in(30, true, true);
+    EXPECT_TRUE(run(body + " print('END OF SCRIPT')").stopped) << body;
+    press_in(0);
+    EXPECT_EQ(said(), "(nothing)") << body;
+  }
+}
+
+// Each ran for seconds, minutes or years before it felt a stop.
+TEST_F(Stopping, FunctionsOfTheLibraryThatTakeLongFeelIt) {
+#ifdef __SANITIZE_THREAD__
+  GTEST_SKIP()
+      << "the thread sanitizer keeps signals back until a call that blocks; these have none";
+#endif
+  for (const char* body : {
+           "while true do pcall(string.rep, '', math.maxinteger // 2) end",
+           "while true do pcall(string.rep, 'x', 1e8 // 1 | 0) end",
+           "while true do pcall(table.move, {}, 1, math.maxinteger - 1, 2) end",
+           "string.find(('a'):rep(100000), ('a*'):rep(40) .. 'b')",
+           "string.match(('a'):rep(100000), '.-.-.-.-.-b$')",
+           "for x in string.gmatch(('a'):rep(100000), '.-.-.-.-.-b$') do end",
+           "string.gsub(('a'):rep(100000), '.-.-.-.-.-b$', '')",
+           "while true do pcall(string.find, ('a'):rep(100000), '.-.-.-.-.-b$') end",
+           "local t = {} for i = 1, 2e6 do t[i] = i * 7919 % 1000003 end while true do "
+           "table.sort(t) end",
+           "local t = setmetatable({}, {__len = function() return 1 << 60 end}) while true do "
+           "pcall(table.insert, t, 1, 1) end",
+           "local t = setmetatable({}, {__len = function() return 1 << 60 end}) while true do "
+           "pcall(table.remove, t, 1) end",
+           "while true do pcall(load, ('x=1 '):rep(4000000)) end",
+           "local s = ('x'):rep(16000000) while true do utf8.len(s) s:upper():reverse() end",
+       }) {
+    press_in(30, true, true);
+    EXPECT_TRUE(run(body).stopped) << body;
+    press_in(0);
+  }
+}
+
+TEST_F(Stopping, TwentyThousandTasksSideBySideFeelIt) {
+  const auto finger = press_at(1);
+  EXPECT_TRUE(run("local tasks = {} for i = 1, 20000 do tasks[i] = function() run:wait(1000) end "
+                  "end run:together(table.unpack(tasks))")
+                  .stopped);
+  EXPECT_EQ(to_seconds(clock->now()), 1);
+}
+
 TEST_F(Stopping, CleanUpAfterAnEndlessLoopRunsInFull) {
 #ifdef __SANITIZE_THREAD__
   GTEST_SKIP()
