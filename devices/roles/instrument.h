@@ -41,12 +41,17 @@ struct CommandInfo {
   Time longest{};  ///< it ends, or has failed, within this
 };
 
+/// What it means for a run that the instrument cannot be asked any more for what is asked for by
+/// itself; each does what stands before it, too.
+enum class OnSilence { note, alarm, stop, abort };
+
 struct InstrumentInfo {
   Identity identity;
   std::string kind;      ///< a free one: "sensor", "actuator", "pump", "switch", ...
   std::string measures;  ///< of a sensor or an actuator: "temperature", "flow"; may be empty
   std::vector<QuantityInfo> quantities;
   std::vector<CommandInfo> commands;
+  OnSilence on_silence = OnSilence::alarm;
 };
 
 /// A value that was read by itself or on demand.
@@ -76,9 +81,10 @@ class Instrument {
     std::string fault{};  ///< why the last attempt failed; empty: it did not
   };
   virtual Latest latest(std::size_t index) const = 0;
-  /// Called on the polling task, under the clock's baton, for each sample that is asked for by
-  /// itself. One listener; it must not talk to the instrument.
-  virtual void on_sample(std::function<void(const QuantitySample&)> listener) = 0;
+  /// Called on the polling task, under the clock's baton, after each attempt to ask for a quantity
+  /// by itself. One listener; it must not talk to the instrument.
+  using PollListener = std::function<void(std::size_t index, const Latest&)>;
+  virtual void on_poll(PollListener listener) = 0;
   /// Its declared safe state: a heater off, a pump stopped. Idempotent.
   virtual void make_safe() = 0;
 };

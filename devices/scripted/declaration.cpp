@@ -60,7 +60,9 @@ DeclaredUnit read_unit(TableReader& reader, const UnitLookup& units,
   const std::string symbol = reader.text(key, "");
   if (symbol.empty()) return {};
   const auto found = units(symbol);
-  if (!found) reader.fail(key, "\"" + symbol + "\" is no unit that is known");
+  if (!found)
+    reader.fail(key, "\"" + symbol +
+                         "\" is no unit that is known: `vitreo docs instruments_in_lua` lists them");
   return *found;
 }
 
@@ -197,6 +199,9 @@ Framing read_framing(TableReader& link) {
     framing.kind = Framing::Kind::brackets;
     framing.start = one_byte(*message, "start");
     framing.stop = one_byte(*message, "stop");
+    framing.counted = message->whole("counted", 0, 250).value_or(-1);
+    if (framing.counted >= 0 && framing.plain_send)
+      message->fail("counted", "is of what is sent too, and link.send_terminator is there");
   } else {
     framing.kind = Framing::Kind::quiet;
     framing.quiet = message->seconds("quiet", 0.02, 10);
@@ -288,6 +293,8 @@ QuantityInfo read_quantity(TableReader& reader, const std::string& name, const D
   if (min) info.min = unit.to_si(*min);
   if (max) info.max = unit.to_si(*max);
   if (info.min > info.max) reader.fail("min", "is above max");
+  if (!choices.empty() && info.type != QuantityType::text)
+    reader.fail("choices", "are names, so that its type is text");
   for (const auto& [choice, code] : choices) info.choices.push_back(choice);
   return info;
 }
@@ -386,7 +393,7 @@ CommandDeclaration read_command(TableReader& all, const std::string& name,
     const std::string argument = one.text("name", "");
     check_name(one, argument);
     command.units.push_back(read_unit(one, units));
-    const auto choices = read_choices(one);
+    const auto& choices = command.choices.emplace_back(read_choices(one));
     command.info.arguments.push_back(read_quantity(one, argument, command.units.back(), choices));
     const QuantityInfo& info = command.info.arguments.back();
     if (info.type == QuantityType::number && !std::isfinite(info.max - info.min))
@@ -431,11 +438,6 @@ void read_axes(TableReader& all, Declaration& declaration, const UnitLookup& uni
   if (one_axis && declaration.axes.size() != 1) all.fail("axes", "must be one");
   if (declaration.axes.size() > 3) all.fail("axes", "must be three at most");
   declaration.starts_within = all.seconds("starts_within", 0, 10);
-}
-
-bool has_safe_state(const Declaration& declaration) {
-  return is_there(declaration.make_safe) || !declaration.safe.empty() ||
-         !declaration.safe_values.empty();
 }
 
 void read_role_numbers(TableReader& all, Declaration& declaration, const UnitLookup& units) {
@@ -601,6 +603,14 @@ void check_free_kind(TableReader& all, const Declaration& declaration) {
     all.fail("make_safe", "is missing: a " + kind + " has a safe state");
 }
 
+/// What has an output is not left to itself: its run ends.
+void read_on_silence(TableReader& all, Declaration& declaration) {
+  const std::string& kind = declaration.kind;
+  const bool energizes = kind == "actuator" || kind == "pump" || kind == "switch";
+  declaration.on_silence = read_enum(all, "on_silence", {"note", "alarm", "stop", "abort"},
+                                     energizes ? OnSilence::stop : OnSilence::alarm);
+}
+
 Declaration read(Sandbox& sandbox, const UnitLookup& units) {
   lua_State* const L = sandbox.stack();
   if (lua_type(L, -1) != LUA_TTABLE) {
@@ -637,6 +647,7 @@ Declaration read(Sandbox& sandbox, const UnitLookup& units) {
   read_role_numbers(all, declaration, units);
   declaration.rescue = read_rescue(all);
   if (is_free(declaration.kind)) check_free_kind(all, declaration);
+  read_on_silence(all, declaration);
   if (auto emulator = all.table("emulator")) declaration.emulator = emulator->reference();
   all.finish();
   return declaration;
@@ -651,6 +662,11 @@ const std::vector<std::string>& kinds() {
     return all;
   }();
   return names;
+}
+
+bool has_safe_state(const Declaration& declaration) {
+  return is_there(declaration.make_safe) || !declaration.safe.empty() ||
+         !declaration.safe_values.empty();
 }
 
 bool is_free(std::string_view kind) {

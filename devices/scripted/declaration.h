@@ -73,6 +73,8 @@ struct PropertyDeclaration {
 struct CommandDeclaration {
   CommandInfo info;
   std::vector<DeclaredUnit> units{};  ///< of its arguments
+  /// Of its arguments; name: what the instrument calls it.
+  std::vector<std::map<std::string, std::string>> choices{};
   Action send{};
   std::string expects{};
   Reference done{};  ///< function(io): whether it has ended; not there: at once
@@ -109,6 +111,7 @@ struct Declaration {
   std::vector<std::string> safe{};
   std::vector<std::pair<std::size_t, QuantityValue>> safe_values{};  ///< of properties, as declared
   Reference unasked{};  ///< function(message) for what comes without a question
+  OnSilence on_silence = OnSilence::alarm;
   std::vector<PropertyDeclaration> properties{};
   std::vector<CommandDeclaration> commands{};
   /// Of a role: position, set_off, moving, halt, home, measure, set_currents, set_level, ...
@@ -126,6 +129,8 @@ struct Declaration {
 const std::vector<std::string>& kinds();
 /// Those whose handle is made from its properties and commands alone.
 bool is_free(std::string_view kind);
+/// Whether it declares what make_safe does; a stage without it is halted.
+bool has_safe_state(const Declaration& declaration);
 
 /// A file that was run and checked, with the sandbox in which its functions live.
 struct Loaded {

@@ -362,6 +362,16 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
         message = heard_;
         break;
       case Framing::Kind::brackets:
+        if (frame.counted >= 0) {
+          heard_.erase(0, std::min(heard_.find(frame.start), heard_.size()));
+          if (heard_.size() < 2) return std::nullopt;
+          const int size = static_cast<unsigned char>(heard_[1]) - frame.counted;
+          const std::size_t whole =
+              static_cast<std::size_t>(std::max(size, 0)) + checksum_size(frame.checksum) + 3;
+          if (heard_.size() < whole) return std::nullopt;
+          message = heard_.substr(2, whole - 3);
+          break;
+        }
         if (!heard_.ends_with(frame.stop)) return std::nullopt;
         message = heard_.substr(0, heard_.size() - 1);
         message = message.substr(std::min(message.size(), message.rfind(frame.start) + 1));

@@ -166,6 +166,22 @@ std::string Exchange::modbus_answer(Time deadline) {
   return pdu;
 }
 
+/// Between brackets, by the length that it says of itself.
+std::string Exchange::counted(Time deadline) {
+  const Framing& framing = declaration().link.framing;
+  const int count = static_cast<unsigned char>(take(1, deadline).front()) - framing.counted;
+  if (count < 0)
+    dialogue_.fail(DeviceErrorKind::protocol, "its message says that it is shorter than its frame");
+  std::string message =
+      take(static_cast<std::size_t>(count) + checksum_size(framing.checksum) + framing.stop.size(),
+           deadline);
+  if (!message.ends_with(framing.stop))
+    dialogue_.fail(DeviceErrorKind::protocol,
+                   "its message does not end where it says: " + printable(message));
+  message.resize(message.size() - framing.stop.size());
+  return message;
+}
+
 /// One message as it is on the wire, without its frame but with its checksum.
 std::string Exchange::unframed(Time deadline) {
   const Framing& framing = declaration().link.framing;
@@ -191,7 +207,7 @@ std::string Exchange::unframed(Time deadline) {
     }
     case Framing::Kind::brackets: {
       until(framing.start, deadline);  // what is in front of it belongs to no message
-      return until(framing.stop, deadline);
+      return framing.counted < 0 ? until(framing.stop, deadline) : counted(deadline);
     }
     case Framing::Kind::modbus:
       return modbus_answer(deadline);

@@ -119,6 +119,7 @@ class Exchange : public Operations {
   std::string rtu_answer(Time deadline);
   std::string tcp_answer(Time deadline);
   std::string until(const std::string& end, Time deadline);
+  std::string counted(Time deadline);
   void drop_echo(std::string_view sent, Time deadline);
   void hand_over(const std::string& message);
   Identity identify();

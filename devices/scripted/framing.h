@@ -23,7 +23,9 @@ struct Framing {
   std::size_t length = 0;          ///< of a fixed message, or of a header, bytes
   Reference rest{};                ///< function(header): how many bytes follow it
   std::string start{}, stop{};     ///< of brackets, one byte each
-  Time quiet{};                    ///< silence that ends a message
+  /// Of brackets: the byte behind `start` is the text's length plus this; negative: there is none.
+  int counted = -1;
+  Time quiet{};  ///< silence that ends a message
   modbus::Framing modbus = modbus::Framing::rtu;
   std::uint8_t unit = 1;  ///< of Modbus; a message is a PDU there: function and data
   Checksum checksum = Checksum::none;

@@ -43,9 +43,7 @@ class ScriptedInstrument final : public Instrument {
 
   const InstrumentInfo& info() const override { return info_; }
   Latest latest(std::size_t index) const override { return latest_.at(index); }
-  void on_sample(std::function<void(const QuantitySample&)> listener) override {
-    listener_ = std::move(listener);
-  }
+  void on_poll(PollListener listener) override { listener_ = std::move(listener); }
   QuantitySample read(std::size_t index, Time timeout) override;
   void set(std::size_t index, const QuantityValue& value) override;
   void command(std::size_t index, const std::vector<QuantityValue>& arguments) override;
@@ -62,7 +60,7 @@ class ScriptedInstrument final : public Instrument {
   Connection connection_;
   InstrumentInfo info_;
   std::vector<Latest> latest_;
-  std::function<void(const QuantitySample&)> listener_;
+  PollListener listener_;
   std::unique_ptr<Task> poll_;  // last: it uses the others
 };
 
@@ -159,7 +157,7 @@ void ScriptedInstrument::command(std::size_t index, const std::vector<QuantityVa
   std::vector<QuantityValue> declared;
   for (std::size_t i = 0; i < arguments.size(); ++i) {
     check_value(command.info.arguments[i], arguments[i], name());
-    declared.push_back(to_declared(arguments[i], command.units[i], {}));
+    declared.push_back(to_declared(arguments[i], command.units[i], command.choices[i]));
   }
   const Time deadline = later(clock_.now(), command.info.longest);
   {
@@ -182,7 +180,9 @@ void ScriptedInstrument::command(std::size_t index, const std::vector<QuantityVa
   }
 }
 
+// One that has no safe state need not be there for it.
 void ScriptedInstrument::make_safe() {
+  if (!has_safe_state(connection_.declaration())) return;
   const Dialogue::Turn turn(connection_.dialogue());
   connection_.be_open();
   exchange().make_safe();
@@ -201,7 +201,6 @@ void ScriptedInstrument::poll() {
     try {
       const QuantitySample sample = read(index, connection_.declaration().link.timeout);
       latest_[index] = {sample, ""};
-      if (listener_) listener_(sample);
     } catch (const DeviceError& error) {
       latest_[index].fault = error.text;
       pause = std::max(pause, kRetry);
@@ -209,6 +208,7 @@ void ScriptedInstrument::poll() {
       latest_[index].fault = error.what();
       pause = std::max(pause, kRetry);
     }
+    if (listener_) listener_(index, latest_[index]);
     *next = std::max(later(*next, pause), clock_.now());
   }
 }
@@ -219,6 +219,7 @@ InstrumentInfo info_of(const Declaration& declaration) {
   InstrumentInfo info;
   info.kind = declaration.kind;
   info.measures = declaration.measures;
+  info.on_silence = declaration.on_silence;
   for (const PropertyDeclaration& one : declaration.properties) info.quantities.push_back(one.info);
   for (const CommandDeclaration& one : declaration.commands) info.commands.push_back(one.info);
   return info;

@@ -159,7 +159,9 @@ std::string file_for(const std::string& given) {
 /// The same reading and the same bounds as of each run.
 void check_whole(const std::string& file, const std::string& lua) {
   try {
-    check_rig(lua::read_recorded_rig(lua::library(), {file, lua}, {}));
+    RigDescription rig = lua::read_recorded_rig(lua::library(), {file, lua}, {});
+    rig.folders = {Program::in_data_folder("scripts")};
+    check_rig(rig);
   } catch (const ScriptError& problem) {
     throw ConfigError(problem.what());
   }
@@ -189,6 +191,7 @@ InterviewWorld world_here(Clock& clock, bool shown) {
   world.file_for = file_for;
   world.check = check_whole;
   world.today = today_text();
+  world.folders = {Program::in_data_folder("scripts")};
   return world;
 }
 

@@ -227,7 +227,8 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
   for (const std::string& failure : stage.rig->make_safe()) {
     stage.recorder->event(stage.clock->now(), "unsafe", failure);
     if (verdict.outcome == Outcome::completed)
-      verdict = {Outcome::aborted, ExitCode::aborted, failure};
+      verdict = {Outcome::aborted, ExitCode::aborted,
+                 "came to its end, but could not be made safe: " + failure};
   }
   // Whatever was sent: the record says what is.
   if (session.rig.coils != nullptr) {

@@ -49,7 +49,8 @@ std::optional<std::string> first_message(const Framing& framing, const ByteStrin
 
 bool can_be_asked(const Declaration& declared) {
   const Framing& framing = declared.link.framing;
-  const bool known = framing.kind != Framing::Kind::fixed && framing.kind != Framing::Kind::header;
+  const bool known = framing.kind != Framing::Kind::fixed &&
+                     framing.kind != Framing::Kind::header && framing.counted < 0;
   return std::holds_alternative<std::string>(declared.identity) &&
          !declared.identity_match.empty() && known &&
          framing.checksum == scripted::Checksum::none && framing.modbus == modbus::Framing::rtu;

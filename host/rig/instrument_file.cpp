@@ -70,6 +70,34 @@ std::vector<std::string> instrument_file_names(const RigDescription& rig) {
   return {names.begin(), names.end()};
 }
 
+std::vector<InstrumentSummary> instrument_summaries(const RigDescription& rig,
+                                                    const std::string& rig_file) {
+  std::vector<std::string> listed = instrument_file_names(rig);
+  std::set<std::string> names(listed.begin(), listed.end());
+  const fs::path beside = fs::absolute(rig_file).parent_path();
+  for (const fs::path& folder : {beside, beside / "instruments"}) {
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(folder, error))
+      if (entry.path().extension() == ".lua") names.insert(entry.path().stem().string());
+  }
+  std::vector<InstrumentSummary> all;
+  for (const std::string& name : names) {
+    try {
+      const auto file = find_instrument_file(rig, rig_file, name);
+      if (!file || file->text.find("identity") == std::string::npos) continue;
+      const scripted::Declaration declared = load_instrument(*file).declaration;
+      InstrumentSummary one{name, declared.title, declared.kind, declared.measures,
+                            declared.link.buses};
+      for (const auto& setting : declared.settings)
+        one.settings.emplace_back(setting.name, setting.help);
+      all.push_back(std::move(one));
+    } catch (
+        const ConfigError&) {  // a rig, a protocol; `vitreo docs instrument` says what is wrong
+    }
+  }
+  return all;
+}
+
 scripted::Loaded load_instrument(const InstrumentFile& file,
                                  const scripted::SettingValues& values) {
   try {

@@ -9,6 +9,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace vitreo {
@@ -26,6 +27,20 @@ std::optional<InstrumentFile> find_instrument_file(const RigDescription& rig,
                                                    const std::string& name);
 /// Names of the program's own, sorted.
 std::vector<std::string> instrument_file_names(const RigDescription& rig);
+
+/// What an instrument's file is, for a choice among several.
+struct InstrumentSummary {
+  std::string name;  ///< as a rig file gives it
+  std::string title;
+  std::string kind;
+  std::string measures;
+  std::vector<std::string> buses{};
+  std::vector<std::pair<std::string, std::string>> settings{};  ///< name, and its help
+};
+/// Those that a rig file there could name: the program's own, and what lies beside it or in its
+/// folder instruments/. A file that cannot be read as an instrument is none. Sorted by name.
+std::vector<InstrumentSummary> instrument_summaries(const RigDescription& rig,
+                                                    const std::string& rig_file);
 
 /// As scripted::load(), with the host's units. Throws ConfigError with the file's line.
 scripted::Loaded load_instrument(const InstrumentFile& file,

@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <sstream>
 
 namespace vitreo {
@@ -53,8 +54,14 @@ void make_free_safe(const FreeRole& role) {
   if (auto* const* stage = std::get_if<RotationStage*>(&role.device)) (*stage)->make_safe();
 }
 
-/// Whether the input says that all is well, and said so lately.
-bool is_closed(const Instrument& input, std::size_t quantity, Time now) {
+/// Whether the input says that all is well, and said so lately. It is looked for at each time: a
+/// reload may have moved it.
+bool is_closed(const Instrument& input, Time now) {
+  const auto& all = input.info().quantities;
+  const auto found = std::find_if(all.begin(), all.end(),
+                                  [](const QuantityInfo& one) { return one.name == "closed"; });
+  if (found == all.end()) return false;
+  const auto quantity = static_cast<std::size_t>(found - all.begin());
   const Instrument::Latest latest = input.latest(quantity);
   constexpr int kMissed = 3;  // questions without an answer
   return latest.sample && std::get<bool>(latest.sample->value) &&
@@ -87,7 +94,9 @@ class ComposedRig final : public OpenRig {
     RigContext where{clock, world_.get()};
     where.rig = &resolved_;
     where.tap = tap;
+    where.reloadable = &reloadable_;
     open_instruments(settings, where);
+    rig_.reload = [this](const std::string& role) { return reload(role); };
   }
   // While every member is still alive; what fails here has no caller to hear of it.
   ~ComposedRig() override { make_safe(); }
@@ -121,6 +130,44 @@ class ComposedRig final : public OpenRig {
   }
 
  private:
+  RigSource reload(const std::string& role) {
+    const auto found = reloadable_.find(role);
+    if (found == reloadable_.end()) {
+      const std::vector<std::string> roles = rig_.roles();
+      const bool there = std::find(roles.begin(), roles.end(), role) != roles.end();
+      std::string known;
+      for (const auto& [name, one] : reloadable_) known += (known.empty() ? "" : ", ") + name;
+      throw std::invalid_argument("role: " +
+                                  (there ? role + " is no instrument of a Lua file"
+                                         : "there is no " + role + " in this rig") +
+                                  (known.empty() ? "" : "; such are: " + known));
+    }
+    const std::string why = held_by(role);
+    if (!why.empty()) throw DeviceError(DeviceErrorKind::refused, role, why);
+    return found->second->reload();
+  }
+
+  /// Why the instrument must stay as it is now; empty: nothing keeps it.
+  std::string held_by(const std::string& role) {
+    const auto input = std::find_if(
+        rig_.free_roles.begin(), rig_.free_roles.end(),
+        [&](const FreeRole& one) { return one.name == role && one.kind == "interlock_input"; });
+    const bool guards =
+        role == "coils" || role == "current_sensor" || input != rig_.free_roles.end();
+    if (guards && interlock_ && interlock_->energized())
+      return "the coils carry a current: rig.coils:set_currents to zero, or end what holds them";
+    const bool free = std::any_of(rig_.free_roles.begin(), rig_.free_roles.end(),
+                                  [&](const FreeRole& one) { return one.name == role; });
+    if ((guards || !free) && interlock_ && interlock_->has_loop())
+      return "a servo loop uses the rig: close it before";
+    if (!reloadable_.at(role)->in_use()) return "";
+    return role == "lamp"
+               ? "it burns: rig.lamp:set_level(0) before"
+               : "it may be on, or moves: it was set, or told to, since it was last made "
+                 "safe. rig." +
+                     role + ":make_safe(), or stop it, before";
+  }
+
   /// What the model has beyond the rig file's numbers: how this view projects.
   void complete_model(const RigSettings& settings) {
     rig_.model.plain_view = settings.laboratory.top_view == sim::TopView::plain;
@@ -214,11 +261,8 @@ class ComposedRig final : public OpenRig {
   /// A chiller's contact, a door: open, gone or silent, it is a condition that does not hold.
   void watch_input(const std::string& name, const Instrument& input) {
     if (!interlock_) return;
-    const auto& quantities = input.info().quantities;
-    for (std::size_t i = 0; i < quantities.size(); ++i)
-      if (quantities[i].name == "closed")
-        interlock_->require(name + " is open, or gone",
-                            [this, &input, i] { return is_closed(input, i, clock_.now()); });
+    interlock_->require(name + " is open, or gone",
+                        [this, &input] { return is_closed(input, clock_.now()); });
   }
 
   /// The line that the heartbeat toggles: the amplifiers' own, or that of another device.
@@ -266,6 +310,7 @@ class ComposedRig final : public OpenRig {
   }
 
   nlohmann::json resolved_;
+  std::map<std::string, Reloadable*> reloadable_;  // by role
   Clock& clock_;
   std::unique_ptr<sim::Laboratory> world_;  // null: nothing is simulated
   std::optional<SimulationCommands> simulation_;
@@ -330,18 +375,19 @@ void keep_simulated_cameras(const RigDescription& rig, sim::LaboratorySettings& 
 
 }  // namespace
 
-bool Rig::has(const std::string& need) const {
+std::vector<std::string> Rig::fitting(const std::string& need) const {
   const std::vector<std::string> names = roles();
-  if (std::find(names.begin(), names.end(), need) != names.end()) return true;
+  if (std::find(names.begin(), names.end(), need) != names.end()) return {need};
+  std::vector<std::string> fitting;
   const std::size_t colon = need.find(':');
   for (const FreeRole& one : free_roles) {
     if (one.kind != need.substr(0, colon)) continue;
     auto* const* instrument = std::get_if<Instrument*>(&one.device);
     if (colon == std::string::npos ||
         (instrument != nullptr && (*instrument)->info().measures == need.substr(colon + 1)))
-      return true;
+      fitting.push_back(one.name);
   }
-  return false;
+  return fitting;
 }
 
 std::vector<std::string> Rig::roles() const {

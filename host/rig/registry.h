@@ -26,6 +26,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <utility>
@@ -49,6 +50,19 @@ struct SimulatedPlaces {
   std::function<Eigen::Vector3d(Time)> stage;
 };
 
+/// An instrument whose driver is exchanged while others hold it (host/rig/drivers/reloadable.h).
+class Reloadable {
+ public:
+  virtual ~Reloadable() = default;
+  /// Reads its file anew, makes the instrument safe, closes its link and opens it by what the file
+  /// says now. Throws ConfigError where the file is wrong, DeviceError{refused} during a call: then
+  /// nothing has changed; DeviceError where it does not open: then it is open as before, or, where
+  /// that cannot be either, closed. Returns the file as it is now.
+  virtual RigSource reload() = 0;
+  /// Whether it may heat, drive, burn or move.
+  virtual bool in_use() = 0;
+};
+
 /// Where an instrument is opened.
 struct RigContext {
   Clock& clock;
@@ -63,6 +77,8 @@ struct RigContext {
   /// The rig as resolved, for errors; null: not known. It and the tap outlive the instruments.
   const nlohmann::json* rig = nullptr;
   LinkTap* tap = nullptr;  ///< sees what passes on every link; null: none does
+  /// Gets those that can be reloaded, by role; they outlive it. Null: nobody asks.
+  std::map<std::string, Reloadable*>* reloadable = nullptr;
 };
 
 /// An instrument and, when it is emulated, what stands at the far end of its link. They die in the

@@ -16,6 +16,7 @@
 #include "devices/roles/rotation_stage.h"
 #include "devices/roles/sample_handler.h"
 #include "devices/roles/stage.h"
+#include "host/config/config.h"
 #include "host/safety/interlock.h"
 #include "optics/pose/pose.h"
 #include "optics/rays/observer.h"
@@ -23,6 +24,7 @@
 #include <Eigen/Core>
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <variant>
@@ -101,11 +103,18 @@ struct Rig {
   RigModel model;
   Lamp* lamp = nullptr;
   double lamp_level = 0;  // of the full current, from the begin of a run on; every end is dark
+  /// Reads the Lua file of that role's instrument anew, and opens it by what it says now; what
+  /// holds the instrument holds it on. Returns the file. Throws std::invalid_argument for a role
+  /// that is none of a Lua file, DeviceError{refused} while it is energized, moves, or is used by a
+  /// servo loop; Reloadable.
+  std::function<RigSource(const std::string& role)> reload;
   std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each
   /// The names of the roles that are there and a script can use, sorted.
   std::vector<std::string> roles() const;
   /// Whether it has what a protocol asks for: a role, or a kind, "sensor", "sensor:temperature".
-  bool has(const std::string& need) const;
+  bool has(const std::string& need) const { return !fitting(need).empty(); }
+  /// The roles that are what a protocol asks for, sorted.
+  std::vector<std::string> fitting(const std::string& need) const;
 };
 
 /// Gives a run the light that the rig file says; opening a rig leaves the lamp dark. Throws

@@ -128,9 +128,7 @@ class GuardedInstrument final : public Instrument {
     instrument_.command(index, arguments);
   }
   Latest latest(std::size_t index) const override { return instrument_.latest(index); }
-  void on_sample(std::function<void(const QuantitySample&)> listener) override {
-    instrument_.on_sample(std::move(listener));
-  }
+  void on_poll(PollListener listener) override { instrument_.on_poll(std::move(listener)); }
   void make_safe() override {
     instrument_.make_safe();
     guardian_.disarm(role_);

@@ -114,6 +114,8 @@ class Interlock : public CoilAmplifier {
   void on_trip(std::function<void(const Trip&)> listener) { on_trip_ = std::move(listener); }
   /// Why it is open; empty when it is not, or when it was asked to.
   const std::string& tripped() const { return tripped_; }
+  /// Whether there is a loop that must stay alive.
+  bool has_loop() const { return !heartbeats_.empty(); }
   /// Any thread: whether a current may flow.
   bool energized() const noexcept { return energized_; }
   std::vector<double> temperatures();  // K, estimated; empty without a clock

@@ -1,49 +1,108 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/session/instrument_record.h"
 
-#include <string>
 #include <utility>
 
 namespace vitreo {
-namespace {
 
-/// One stream a quantity, for each has a pace of its own; -1: it is not recorded.
-std::vector<int> add_streams(const FreeRole& role, const InstrumentInfo& info, Recorder& recorder) {
-  std::vector<int> streams(info.quantities.size(), -1);
-  for (std::size_t i = 0; i < streams.size(); ++i) {
-    const QuantityInfo& one = info.quantities[i];
-    const bool number = one.type == QuantityType::number || one.type == QuantityType::flag;
-    if (one.every == Time::zero() || !number) continue;
-    streams[i] =
-        recorder.add_stream({role.name + "_" + one.name,
-                             to_string(info.identity) + (one.help.empty() ? "" : ": " + one.help),
-                             {{one.name, one.unit}}});
-  }
-  return streams;
-}
+/// One instrument that is listened to.
+struct InstrumentRecord::Listening {
+  struct Quantity {
+    std::string name;
+    int stream = -1;  // -1: it is no number
+    int missed = 0;   // questions in a row
+  };
+  std::string role;
+  Instrument* instrument = nullptr;
+  OnSilence on_silence = OnSilence::alarm;
+  std::vector<Quantity> quantities{};
+};
 
-}  // namespace
-
-InstrumentRecord::InstrumentRecord(Rig& rig, Recorder& recorder) {
-  for (const FreeRole& role : rig.free_roles) {
-    auto* const* found = std::get_if<Instrument*>(&role.device);
-    if (found == nullptr) continue;
-    Instrument& instrument = **found;
-    instrument.on_sample([&recorder, streams = add_streams(role, instrument.info(), recorder)](
-                             const QuantitySample& sample) {
-      const int stream = streams[sample.quantity];
-      if (stream < 0) return;
-      const auto* const flag = std::get_if<bool>(&sample.value);
-      const double value =
-          flag != nullptr ? static_cast<double>(*flag) : std::get<double>(sample.value);
-      recorder.sample(stream, sample.time, std::span(&value, 1));
-    });
-    listened_.push_back(&instrument);
-  }
+InstrumentRecord::InstrumentRecord(Clock& clock, Rig& rig, Recorder& recorder,
+                                   SilenceActions actions)
+    : clock_(clock), rig_(rig), recorder_(recorder), actions_(std::move(actions)) {
+  for (const FreeRole& role : rig.free_roles) resume(role.name);
 }
 
 InstrumentRecord::~InstrumentRecord() {
-  for (Instrument* const one : listened_) one->on_sample({});
+  for (const auto& [role, one] : listening_) one->instrument->on_poll({});
+}
+
+Instrument* InstrumentRecord::find(const std::string& role) const {
+  for (const FreeRole& one : rig_.free_roles)
+    if (one.name == role)
+      if (auto* const* found = std::get_if<Instrument*>(&one.device)) return *found;
+  return nullptr;
+}
+
+/// One a quantity, for each has a pace of its own. What a reload gave another unit is another one.
+int InstrumentRecord::stream_of(const std::string& role, const InstrumentInfo& info,
+                                const QuantityInfo& quantity) {
+  const bool number = quantity.type == QuantityType::number || quantity.type == QuantityType::flag;
+  if (quantity.every == Time::zero() || !number) return -1;
+  std::string name = role + "_" + quantity.name;
+  const auto [known, added] = streams_.try_emplace(name + " " + quantity.unit, -1);
+  if (!added) return known->second;
+  for (int i = 2; recorder_.stream(name) != nullptr; ++i)
+    name = role + "_" + quantity.name + "_" + std::to_string(i);
+  return known->second = recorder_.add_stream(
+             {name,
+              to_string(info.identity) + (quantity.help.empty() ? "" : ": " + quantity.help),
+              {{quantity.name, quantity.unit}}});
+}
+
+void InstrumentRecord::pause(const std::string& role) {
+  if (Instrument* const instrument = find(role)) instrument->on_poll({});
+}
+
+void InstrumentRecord::resume(const std::string& role) {
+  if (Instrument* const instrument = find(role)) listen(role, *instrument);
+}
+
+void InstrumentRecord::listen(const std::string& role, Instrument& instrument) {
+  auto& listening = listening_[role];
+  if (listening)  // what was silent before is asked anew
+    for (const auto& one : listening->quantities)
+      if (one.missed > 1) actions_.clear(role + "." + one.name);
+  const InstrumentInfo& info = instrument.info();
+  listening = std::make_unique<Listening>(Listening{role, &instrument, info.on_silence});
+  for (const QuantityInfo& one : info.quantities)
+    listening->quantities.push_back({one.name, stream_of(role, info, one)});
+  instrument.on_poll(
+      [this, it = listening.get()](std::size_t index, const Instrument::Latest& latest) {
+        hear(*it, index, latest);
+      });
+}
+
+void InstrumentRecord::hear(Listening& listening, std::size_t index,
+                            const Instrument::Latest& latest) {
+  Listening::Quantity& quantity = listening.quantities.at(index);
+  if (!latest.fault.empty()) return note_silence(listening, index, latest.fault);
+  const std::string name = listening.role + "." + quantity.name;
+  if (std::exchange(quantity.missed, 0) > 0) {
+    recorder_.event(clock_.now(), "instrument", name + " is heard again");
+    actions_.clear(name);
+  }
+  if (quantity.stream < 0) return;
+  const auto* const flag = std::get_if<bool>(&latest.sample->value);
+  const double value =
+      flag != nullptr ? static_cast<double>(*flag) : std::get<double>(latest.sample->value);
+  recorder_.sample(quantity.stream, latest.sample->time, std::span(&value, 1));
+}
+
+/// Once an answer may be missed; what fails twice in a row is told once, until it is heard again.
+void InstrumentRecord::note_silence(Listening& listening, std::size_t index,
+                                    const std::string& why) {
+  Listening::Quantity& quantity = listening.quantities.at(index);
+  const std::string name = listening.role + "." + quantity.name;
+  if (++quantity.missed == 1)
+    return recorder_.event(clock_.now(), "instrument", name + " cannot be asked: " + why);
+  if (quantity.missed != 2 || listening.on_silence == OnSilence::note) return;
+  const bool ends = listening.on_silence != OnSilence::alarm;
+  actions_.raise(name, ends ? AlarmPriority::high : AlarmPriority::medium, why);
+  if (ends)
+    actions_.end_run(listening.on_silence == OnSilence::stop ? StopTier::stop : StopTier::abort,
+                     "because " + name + " cannot be asked: " + why);
 }
 
 }  // namespace vitreo

@@ -4,6 +4,7 @@
 #include "host/files/log.h"
 #include "host/session/background.h"
 
+#include <exception>
 #include <stdexcept>
 #include <string>
 
@@ -24,6 +25,36 @@ void Session::note_alarms() {
     if (event.kind == "alarm") listener.message("ALARM " + event.text);
     if (rehearsal == nullptr) write_log(event.kind + ": " + event.text);
   }
+}
+
+SilenceActions Session::silence_actions() {
+  return {[this](const std::string& name, AlarmPriority priority, const std::string& text) {
+            raise(name, priority, text);
+          },
+          [this](const std::string& name) {
+            alarms.clear(name);
+            note_alarms();
+          },
+          [this](StopTier tier, const std::string& reason) { control.request(tier, reason); }};
+}
+
+void Session::reload(const std::string& role) {
+  if (!rig.reload) throw std::invalid_argument("role: this rig has no instrument of a Lua file");
+  instruments_.pause(role);
+  std::exception_ptr failed;
+  std::string event;
+  try {
+    const RigSource file = rig.reload(role);
+    const std::string name = role + " reloaded " + std::to_string(++reloads_);
+    recorder.module({name, file.file, file.text});
+    event = role + " is read anew: " + name;
+  } catch (const std::exception& error) {
+    failed = std::current_exception();
+    event = role + " could not be read anew: " + error.what();
+  }
+  instruments_.resume(role);
+  recorder.event(clock.now(), "reload", event);
+  if (failed) std::rethrow_exception(failed);
 }
 
 vision::Background Session::learn_background(int count) {

@@ -53,7 +53,7 @@ class Session {
         seed(a_seed),
         alarms(a_clock),
         frames(a_clock, a_rig, a_recorder),
-        instruments_(a_rig, a_recorder) {
+        instruments_(a_clock, a_rig, a_recorder, silence_actions()) {
     recorder.on_alarm([this](const std::string& name, AlarmPriority priority,
                              const std::string& text) { raise(name, priority, text); });
   }
@@ -84,6 +84,9 @@ class Session {
   vision::Background learn_background(int count);
   /// Raises an alarm, records it and shows it. On the script's thread, or with the clock's baton.
   void raise(const std::string& name, AlarmPriority priority, const std::string& text);
+  /// Reads the Lua file of a role's instrument anew (Rig::reload); the record keeps what it says
+  /// now, and goes on with what it asks for by itself. Throws as Rig::reload() does.
+  void reload(const std::string& role);
   /// Records what was done to alarms elsewhere, such as at the control socket.
   void note_alarms();
   /// Keeps a task that watches the run until the session ends.
@@ -93,7 +96,9 @@ class Session {
   SideObservationBuffer* side_observations() { return side_observations_.get(); }
 
  private:
-  const InstrumentRecord instruments_;
+  SilenceActions silence_actions();
+  InstrumentRecord instruments_;
+  int reloads_ = 0;
   std::unique_ptr<SideObservationBuffer> side_observations_;  // before the observers that use it
   std::vector<std::unique_ptr<Task>> observers_;
 };

@@ -84,7 +84,7 @@ void BM_FivePolledAt200Hz(benchmark::State& state, const char* ask) {
     std::vector<std::unique_ptr<Instrument>> all;
     for (int i = 0; i < 5; ++i) {
       all.push_back(open(ask, 0.005, *clock));
-      all.back()->on_sample([&samples](const QuantitySample&) { ++samples; });
+      all.back()->on_poll([&samples](std::size_t, const Instrument::Latest&) { ++samples; });
     }
     samples = 0;
     const double began = processor_seconds();

@@ -132,13 +132,47 @@ TEST_F(InstrumentFiles, FaultsReachTheirLinksAndTheTraceHasTheirBytes) {
   for (const auto& [fault, words] : std::vector<std::pair<std::string, std::string>>{
            {"silent", "says nothing to"}, {"unplugged", "lost"}, {"short", "says nothing to"}}) {
     const Spoken spoken = run("--trace-links --fault thermometer:" + fault + ":after=2s");
-    // One that is still gone at the end of the run cannot be made safe: that is told too.
-    EXPECT_EQ(spoken.exit_code, fault == "unplugged" ? 4 : 0) << fault << spoken.err;
+    // One that is still gone at the end has nothing to be made safe: the run was completed.
+    EXPECT_EQ(spoken.exit_code, 0) << fault << spoken.err;
     EXPECT_TRUE(says(spoken.err, words)) << fault << ": " << spoken.out << spoken.err;
+    EXPECT_TRUE(says(spoken.err, "ALARM medium: thermometer.value: ")) << fault << spoken.err;
     const std::string bytes = place.vitreo("show '" + record().string() + "' --links").out;
     EXPECT_TRUE(says(bytes, "thermometer") && says(bytes, "T?\\x0A")) << bytes;
     std::filesystem::remove_all(place.folder() / "runs");
   }
+}
+
+constexpr const char* kHeater = R"lua(
+return {
+  title = "A heater", kind = "actuator", link = { timeout = 0.2 }, identity = "*IDN?", make_safe = "OFF",
+  properties = { set_point = { set = "SP %.1f", min = 0, max = 90, ask = "SP?", @every@ } },
+  emulator = { answers = { ["*IDN?"] = "Maker,Heater,1,2", ["SP?"] = "20" } },
+}
+)lua";
+
+TEST_F(InstrumentFiles, ARunWhoseHeaterIsGoneSaysWhatItDidAndWhatIsNotKnown) {
+  place.write("p.lua",
+              "return { title = 'Heats', needs = { 'heater' }, run = function(rig, p, run)\n"
+              "run:wait(8)\nprint('THE END')\nend }");
+  const auto heated = [&](const std::string& every) {
+    std::string text = kHeater;
+    text.replace(text.find("@every@"), 7, every);
+    place.write("heater.lua", text);
+    place.write("rig.lua", "return { title = 'bench', heater = { driver = 'heater' } }");
+    return run("--fault heater:unplugged:after=2s");
+  };
+  // Not asked by itself, it is missed at the end only.
+  const Spoken unasked = heated("");
+  EXPECT_EQ(unasked.exit_code, 4) << unasked.err;
+  EXPECT_TRUE(says(unasked.err, "THE END"));
+  const std::string said = unasked.out + unasked.err;
+  EXPECT_TRUE(says(said, "came to its end, but could not be made safe: heater")) << said;
+  // Asked by itself, it ends the run.
+  const Spoken asked = heated("every = 0.5");
+  EXPECT_FALSE(says(asked.err, "THE END")) << asked.err;
+  EXPECT_TRUE(says(asked.err, "ALARM high: heater.set_point: ")) << asked.err;
+  const std::string told = asked.out + asked.err;
+  EXPECT_TRUE(says(told, "because heater.set_point cannot be asked")) << told;
 }
 
 TEST_F(InstrumentFiles, EmulateOffersThem) {

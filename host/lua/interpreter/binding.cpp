@@ -69,7 +69,10 @@ int handle_write(lua_State* L) {
 }
 
 void check_self(lua_State* L, const Class& owner, const Binding& binding) {
-  if (handle_class(L, 1) != &owner)
+  const Class* const kind = handle_class(L, 1);
+  if (kind != nullptr && kind != &owner && kind->name == owner.name)
+    throw std::invalid_argument("is of " + owner.name + " as it was before a reload");
+  if (kind != &owner)
     throw std::invalid_argument("is called with a colon, on a " + owner.name + ": " +
                                 signature(&owner, binding));
   if (!binding.when_closed && !handle_at(L, 1).object)

@@ -178,7 +178,12 @@ void Prompt::expand_help() {
   });
   in_lua(L_, 0, [&] {
     if (const Bound bound = bound_path(L_, word); bound.row != nullptr) {
-      chunk_ = "help(\"" + full_name(bound.owner, *bound.row) + "\")";
+      // The class of an instrument in Lua is this rig's own: it stands in no page of calls.
+      const bool own = bound.owner != nullptr &&
+                       find_class(*script_.context().library, bound.owner->name) == nullptr;
+      std::string value = word;
+      std::replace(value.begin(), value.end(), ':', '.');
+      chunk_ = own ? "help(" + value + ")" : "help(\"" + full_name(bound.owner, *bound.row) + "\")";
     } else {  // a value of that name comes first, then what the name says
       push_path(L_, word);
       const bool library = lua_istable(L_, -1) && !to_vector(L_, -1);

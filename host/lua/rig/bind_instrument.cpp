@@ -13,13 +13,16 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr double kUsualAnswer = 10;  // s
+constexpr double kUsualAnswer = 10;     // s
+constexpr double kLongestReload = 300;  // s: two openings, of 120 s at most
 const std::string kSetter = "set_";
 
+/// Looked for in the job itself: a reload in between may have moved it.
 template <class List>
 std::size_t index_of(const List& list, const std::string& name) {
   const auto found =
       std::find_if(list.begin(), list.end(), [&](const auto& one) { return one.name == name; });
+  if (found == list.end()) throw std::invalid_argument(name + ": is not there since a reload");
   return static_cast<std::size_t>(found - list.begin());
 }
 
@@ -47,36 +50,39 @@ QuantityValue value_at(const Call& call, std::size_t argument, QuantityType type
 
 int read_quantity(Call& call) {
   Instrument* const instrument = &call.self<Instrument>();
-  const std::size_t index = index_of(instrument->info().quantities, call.binding.name);
   auto sample = std::make_shared<QuantitySample>();
   const Time limit = from_seconds(kUsualAnswer);
   return call.wait(work(
-      call, instrument->info().identity.name, [=] { *sample = instrument->read(index, limit); },
+      call, instrument->info().identity.name,
+      [=, name = call.binding.name] {
+        *sample = instrument->read(index_of(instrument->info().quantities, name), limit);
+      },
       2 * limit,
-      [sample, unit = instrument->info().quantities[index].unit](Call& done) {
-        return push(done, sample->value, unit);
-      }));
+      [sample](Call& done) { return push(done, sample->value, done.binding.returns.unit); }));
 }
 
 int set_quantity(Call& call) {
   Instrument* const instrument = &call.self<Instrument>();
+  const std::string name = call.binding.name.substr(kSetter.size());
   const auto& all = instrument->info().quantities;
-  const std::size_t index = index_of(all, call.binding.name.substr(kSetter.size()));
+  const QuantityValue value = value_at(call, 0, all[index_of(all, name)].type);
   return call.wait(work(
       call, instrument->info().identity.name,
-      [=, value = value_at(call, 0, all[index].type)] { instrument->set(index, value); },
+      [=] { instrument->set(index_of(instrument->info().quantities, name), value); },
       from_seconds(2 * kUsualAnswer), [](Call&) { return 0; }));
 }
 
 int run_command(Call& call) {
   Instrument* const instrument = &call.self<Instrument>();
   const auto& all = instrument->info().commands;
-  const std::size_t index = index_of(all, call.binding.name);
+  const std::string name = call.binding.name;
+  const std::size_t index = index_of(all, name);
   std::vector<QuantityValue> arguments;
   for (std::size_t i = 0; i < all[index].arguments.size(); ++i)
     arguments.push_back(value_at(call, i, all[index].arguments[i].type));
   return call.wait(work(
-      call, instrument->info().identity.name, [=] { instrument->command(index, arguments); },
+      call, instrument->info().identity.name,
+      [=] { instrument->command(index_of(instrument->info().commands, name), arguments); },
       2 * all[index].longest + from_seconds(1), [](Call&) { return 0; }));
 }
 
@@ -171,6 +177,62 @@ Class class_of(const std::string& role, const InstrumentInfo& info) {
   return made;
 }
 
+/// The class is the state's own: another rig's instrument of the same name has another one. One
+/// that is there already is replaced under its handles.
+const Class& open_class_of(lua_State* L, const std::string& role, const Instrument& instrument) {
+  const auto kind = std::make_shared<const Class>(class_of(role, instrument.info()));
+  context_of(L).kept.push_back(kind);
+  open_classes(L, {kind.get()});
+  return *kind;
+}
+
+const FreeRole* free_role(const Rig& rig, const std::string& name) {
+  for (const FreeRole& one : rig.free_roles)
+    if (one.name == name) return &one;
+  return nullptr;
+}
+
+/// "bath: Acme thermometer 0815, sensor of temperature"; of a role of the program's its name alone.
+std::string shown_role(const Rig& rig, const std::string& name) {
+  const FreeRole* const role = free_role(rig, name);
+  auto* const* instrument = role == nullptr ? nullptr : std::get_if<Instrument*>(&role->device);
+  return instrument == nullptr ? name : name + ": " + class_of(name, (*instrument)->info()).doc;
+}
+
+int reload(Call& call) {
+  Session* const session = &session_of(call.L);
+  if (!call.context().remembers_results || call.context().nested)
+    throw std::runtime_error("is for the prompt: a run has the files that it began with");
+  const std::string role = call.text(0);
+  return call.wait(work(
+      call, role, [=] { session->reload(role); }, from_seconds(kLongestReload),
+      [=](Call& done) {
+        if (const FreeRole* const found = free_role(session->rig, role))
+          if (auto* const* instrument = std::get_if<Instrument*>(&found->device))
+            open_class_of(done.L, role, **instrument);
+        return done.result(shown_role(session->rig, role));
+      }));
+}
+
+/// The handle that the rig has under that name.
+int push_role(const Call& call, const std::string& name) {
+  lua_getfield(call.L, call.index(0) - 1, name.c_str());
+  return 1;
+}
+
+int instrument_of_kind(Call& call) {
+  const Rig& rig = call.self<Rig>();
+  const std::string need = call.text(0);
+  const std::vector<std::string> names = rig.fitting(need);
+  if (names.size() == 1) return push_role(call, names.front());
+  std::string all;
+  for (const std::string& name : names.empty() ? rig.roles() : names)
+    all += (all.empty() ? "" : ", ") + name;
+  throw std::runtime_error(names.empty() ? "this rig has no " + need + ", only " + all
+                                         : "several are of the kind " + need + ": " + all +
+                                               "; name one of them");
+}
+
 template <class T>
 void push_borrowed(lua_State* L, const Class& kind, T* device) {
   push_handle(L, kind, std::shared_ptr<void>(device, [](void*) {}));
@@ -178,7 +240,26 @@ void push_borrowed(lua_State* L, const Class& kind, T* device) {
 
 }  // namespace
 
-// The class is the state's own: another rig's instrument of the same name has another one.
+std::vector<Binding> rig_instrument_rows() {
+  return {
+      {"instrument",
+       {{.name = "need",
+         .type = Type::text,
+         .help = "as in a protocol's needs: \"sensor:temperature\", \"pump\", or a role's name"}},
+       "any",
+       "the one instrument that is of that kind, whatever its role is called; an error where "
+       "there are several",
+       instrument_of_kind,
+       "rig:instrument(\"coils\")"},
+      {"reload",
+       {{.name = "role", .type = Type::text, .help = "of an instrument in Lua: \"heater\""}},
+       "text",
+       "at the prompt: reads the instrument's Lua file anew; handles stay, a file that is wrong "
+       "changes nothing",
+       reload,
+       "rig:reload(\"heater\")"}};
+}
+
 void push_free_role(lua_State* L, const FreeRole& role) {
   if (auto* const* stage = std::get_if<Stage*>(&role.device))
     return push_borrowed(L, stage_class(), *stage);
@@ -189,10 +270,7 @@ void push_free_role(lua_State* L, const FreeRole& role) {
   if (auto* const* input = std::get_if<OperatorInput*>(&role.device))
     return push_borrowed(L, operator_input_class(), *input);
   Instrument* const instrument = std::get<Instrument*>(role.device);
-  const auto kind = std::make_shared<const Class>(class_of(role.name, instrument->info()));
-  context_of(L).kept.push_back(kind);
-  open_classes(L, {kind.get()});
-  push_borrowed(L, *kind, instrument);
+  push_borrowed(L, open_class_of(L, role.name, *instrument), instrument);
 }
 
 }  // namespace vitreo::lua

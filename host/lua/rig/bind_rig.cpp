@@ -259,9 +259,10 @@ std::vector<Argument> servo_options() {
                  "how long the robot may be unseen before the coils go to zero (1 s)")};
 }
 
-/// The rig's rows are in two files: those of the instruments here, those of the model beside.
-Class with_rows(Class made, std::vector<Binding> rows) {
-  for (Binding& row : rows) made.methods.push_back(std::move(row));
+/// The rig's rows are in three files: those of the fixed roles here, the others beside.
+Class with_rows(Class made) {
+  for (Binding& row : rig_model_rows()) made.methods.push_back(std::move(row));
+  for (Binding& row : rig_instrument_rows()) made.methods.push_back(std::move(row));
   return made;
 }
 
@@ -303,34 +304,32 @@ std::vector<ResultField> identity_fields(std::vector<ResultField> more) {
 }
 
 const Class& rig_class() {
-  static const Class kind = with_rows(
-      Class{
-          "rig",
-          "the instruments: rig.top_camera, rig.side_camera, rig.coils, rig.lens_mover, "
-          "rig.sample, rig.stage, "
-          "rig.rotation_stage, rig.field_probe, rig.joystick, rig.pedal, rig.lamp, rig.simulation",
-          {{"learn_background",
-            {options_of({{.name = "frames",
-                          .type = Type::integer,
-                          .optional = true,
-                          .min = 2,
-                          .max = 1000,
-                          .help = "how many (15)"},
-                         timeout("60 s")})},
-            "background",
-            "learns what the empty scene looks like to the top camera",
-            learn,
-            "rig:learn_background { frames = 4 }"},
-           {"servo",
-            {options_of(servo_options())},
-            "servo",
-            "starts the servo loop; end it with <close> or servo:close(), the coils are at zero "
-            "then",
-            open_servo,
-            "rig:servo { background = background, law = control.pd { proportional = 1.2 } }"}},
-          {"top_camera", "side_camera", "coils", "lens_mover", "sample", "stage", "rotation_stage",
-           "field_probe", "joystick", "pedal", "lamp", "simulation"}},
-      rig_model_rows());
+  static const Class kind = with_rows(Class{
+      "rig",
+      "the instruments: rig.top_camera, rig.side_camera, rig.coils, rig.lens_mover, "
+      "rig.sample, rig.stage, "
+      "rig.rotation_stage, rig.field_probe, rig.joystick, rig.pedal, rig.lamp, rig.simulation",
+      {{"learn_background",
+        {options_of({{.name = "frames",
+                      .type = Type::integer,
+                      .optional = true,
+                      .min = 2,
+                      .max = 1000,
+                      .help = "how many (15)"},
+                     timeout("60 s")})},
+        "background",
+        "learns what the empty scene looks like to the top camera",
+        learn,
+        "rig:learn_background { frames = 4 }"},
+       {"servo",
+        {options_of(servo_options())},
+        "servo",
+        "starts the servo loop; end it with <close> or servo:close(), the coils are at zero "
+        "then",
+        open_servo,
+        "rig:servo { background = background, law = control.pd { proportional = 1.2 } }"}},
+      {"top_camera", "side_camera", "coils", "lens_mover", "sample", "stage", "rotation_stage",
+       "field_probe", "joystick", "pedal", "lamp", "simulation"}});
   return kind;
 }
 

@@ -15,6 +15,8 @@ constexpr double kTalk = 10;  // s: for a few exchanges, each of which has a dea
 
 /// The handle with a field for each role that is there.
 void push_rig(lua_State* L, Rig& rig);
+/// Calls of the rig about instruments by their kind.
+std::vector<Binding> rig_instrument_rows();
 /// The handle of an instrument under a name of the rig file's own; its methods are made from what
 /// it declares.
 void push_free_role(lua_State* L, const FreeRole& role);

@@ -6,6 +6,7 @@
 #include "devices/scripted/instrument.h"
 #include "host/rig/drivers/carried.h"
 #include "host/rig/drivers/drivers.h"
+#include "host/rig/drivers/reloadable.h"
 #include "host/rig/drivers/serial.h"
 #include "host/rig/instrument_file.h"
 #include "host/text/units.h"
@@ -164,6 +165,98 @@ std::shared_ptr<scripted::Emulator> emulate(const RigContext& where, const std::
   return emulator;
 }
 
+/// A role's file, and its settings in the rig file, as they were read.
+struct Reading {
+  InstrumentFile file;
+  scripted::SettingValues values;
+  SerialPlace place;
+  std::string load;  // of a stage
+  std::string role;
+  std::string rescue;  // what the guardian was given
+  bool has_safe_state = false;
+};
+
+template <class Role>
+Reading read_file(const InstrumentReader& instrument) {
+  const InstrumentFile file = file_of(instrument.reader);
+  const scripted::Loaded first = load_instrument(file);
+  const std::string& kind = first.declaration.kind;
+  const bool fits =
+      std::is_same_v<Role, Instrument> ? scripted::is_free(kind) : kind == Scripting<Role>::kind;
+  if (!fits) instrument.reader.fail("driver", "is a " + kind + " by its file " + file.path);
+  check_bus(instrument, first.declaration);
+  Reading read{.file = file,
+               .values = read_settings(instrument.reader, first.declaration),
+               .place = read_place(instrument, first.declaration.link.serial),
+               .load = {},
+               .role = instrument.role,
+               .rescue = rescue_text(instrument.reader),
+               .has_safe_state = scripted::has_safe_state(first.declaration)};
+  if constexpr (std::is_same_v<Role, Stage>) read.load = read_load(instrument, "nothing");
+  // What these settings make wrong is told now, in the emulator too.
+  scripted::Loaded tried = load_instrument(file, read.values);
+  if (tried.declaration.emulator) emulator_of(std::move(tried));
+  return read;
+}
+
+template <class Role>
+Opened<Role> open_file(const Reading& read, const RigContext& where) {
+  const SerialPlace& place = read.place;
+  const bool far = place.emulated() || where.offer;
+  std::shared_ptr<scripted::Emulator> peer;
+  scripted::Loaded loaded = load_instrument(read.file, read.values);
+  if (far && loaded.declaration.emulator)
+    peer = emulate<Role>(where, read.role, load_instrument(read.file, read.values), read.load);
+  if (where.offer && !peer) return {};
+  const std::string end = loaded.declaration.link.framing.receive_end;
+  const auto open = [&](std::unique_ptr<ByteLink> link) {
+    auto told = scripted::link_to(peer, std::move(link));
+    return Scripting<Role>::open({std::move(loaded), std::move(told), read.role, where.clock});
+  };
+  if (!place.emulated() && !where.offer && carries_messages(place.address))
+    return {nullptr, open(traced(where, read.role, place.address,
+                                 message_bytes(open_message_link(place.address, where.clock), end,
+                                               where.clock)))};
+  return open_on<Role>(place, peer, where, read.role, open);
+}
+
+template <class Role>
+DriverReading<Role> opener_of(const Reading& read) {
+  return {[read](const RigContext& where) { return open_file<Role>(read, where); },
+          {read.file.path, read.file.text},
+          read.has_safe_state};
+}
+
+/// What the whole rig's reader takes of a free role's table beside its driver.
+void read_rest(ConfigReader& table, const std::string& role) {
+  const std::vector<std::string>& fixed = role_names();
+  if (std::find(fixed.begin(), fixed.end(), role) != fixed.end()) return;
+  if (table.has("guardian")) table.flag("guardian", true);
+  if (table.has("kind")) table.text("kind", "");
+  table.finish();
+}
+
+/// Reads the file anew, by the role's table as the rig file had it.
+template <class Role>
+DriverReading<Role> read_again(const RigDescription& rig, const Reading& before) {
+  ConfigReader whole(rig);
+  ConfigReader table = whole.table(before.role);
+  if (!names_instrument_file(table)) table.fail("driver", "is gone: " + before.file.path);
+  table.text("driver", "");
+  sim::LaboratorySettings laboratory;
+  LinkLoads links;
+  const InstrumentReader instrument{table, before.role, read_address(table), laboratory, links};
+  const Reading now = read_file<Role>(instrument);
+  read_rest(table, before.role);
+  if (now.rescue != before.rescue)
+    table.fail("driver",
+               "has another rescue, or line, and the guardian has the one before: that "
+               "takes a rig that is opened anew");
+  DriverReading<Role> reading = opener_of<Role>(now);
+  reading.opener = explained(instrument, std::move(reading.opener));
+  return reading;
+}
+
 }  // namespace
 
 bool names_instrument_file(const ConfigReader& reader) {
@@ -176,38 +269,14 @@ Opener<Role> read_scripted(const InstrumentReader& instrument) {
   if constexpr (Scripting<Role>::kind == nullptr) {
     instrument.reader.fail("driver", "cannot be a Lua file: not for this role");
   } else {
-    const InstrumentFile file = file_of(instrument.reader);
-    const scripted::Loaded first = load_instrument(file);
-    const std::string& kind = first.declaration.kind;
-    const bool fits =
-        std::is_same_v<Role, Instrument> ? scripted::is_free(kind) : kind == Scripting<Role>::kind;
-    if (!fits) instrument.reader.fail("driver", "is a " + kind + " by its file " + file.path);
-    check_bus(instrument, first.declaration);
-    const scripted::SettingValues values = read_settings(instrument.reader, first.declaration);
-    const SerialPlace place = read_place(instrument, first.declaration.link.serial);
-    std::string load;
-    if constexpr (std::is_same_v<Role, Stage>) load = read_load(instrument, "nothing");
-    // What these settings make wrong is told now, in the emulator too.
-    scripted::Loaded tried = load_instrument(file, values);
-    if (tried.declaration.emulator) emulator_of(std::move(tried));
-    return [file, values, place, load, role = instrument.role](const RigContext& where) {
-      const bool far = place.emulated() || where.offer;
-      std::shared_ptr<scripted::Emulator> peer;
-      scripted::Loaded loaded = load_instrument(file, values);
-      if (far && loaded.declaration.emulator)
-        peer = emulate<Role>(where, role, load_instrument(file, values), load);
-      if (where.offer && !peer) return Opened<Role>{};
-      const std::string end = loaded.declaration.link.framing.receive_end;
-      const auto open = [&](std::unique_ptr<ByteLink> link) {
-        auto told = scripted::link_to(peer, std::move(link));
-        return Scripting<Role>::open({std::move(loaded), std::move(told), role, where.clock});
-      };
-      if (!place.emulated() && !where.offer && carries_messages(place.address))
-        return Opened<Role>{
-            nullptr, open(traced(where, role, place.address,
-                                 message_bytes(open_message_link(place.address, where.clock), end,
-                                               where.clock)))};
-      return open_on<Role>(place, peer, where, role, open);
+    const Reading read = read_file<Role>(instrument);
+    // A reload reads the rig file's table again, whose reader is gone by then.
+    const auto rig = std::make_shared<const RigDescription>(instrument.reader.rig());
+    return [read, rig](const RigContext& where) {
+      if (where.offer) return open_file<Role>(read, where);
+      return open_reloadable<Role>(
+          {read.role, opener_of<Role>(read), [read, rig] { return read_again<Role>(*rig, read); }},
+          where);
     };
   }
 }

@@ -22,7 +22,8 @@ struct InterviewWorld {
   std::function<std::string(const std::string& name)> file_for;
   /// The whole file, as it would be written. Throws ConfigError where no rig can be opened by it.
   std::function<void(const std::string& file, const std::string& lua)> check;
-  std::string today;  ///< "2026-11-21"
+  std::string today;                   ///< "2026-11-21"
+  std::vector<std::string> folders{};  ///< as RigDescription::folders: of instruments' Lua files
 };
 
 struct AnswerOption {

@@ -132,6 +132,7 @@ DraftTable& RigDraft::table(const std::string& name) {
 RigDescription description_of(const RigDraft& draft) {
   RigDescription rig;
   rig.file = draft.file;
+  rig.folders = draft.folders;
   rig.table["title"] = {draft.title};
   for (const DraftTable& table : draft.tables) {
     ConfigTable values;

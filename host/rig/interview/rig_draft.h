@@ -32,6 +32,7 @@ struct RigDraft {
   std::string title;  ///< for people
   std::string today;  ///< "2026-11-21"
   std::vector<DraftTable> tables;
+  std::vector<std::string> folders{};  ///< as RigDescription::folders
   DraftTable* find(const std::string& name);
   const DraftTable* find(const std::string& name) const;
   /// The table of this name, made where it is not there yet.

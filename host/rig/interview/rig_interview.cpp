@@ -66,9 +66,11 @@ struct RigInterview::Inner {
 
   void begin(const std::string& name) {
     state.draft.today = world.today;
+    state.draft.folders = world.folders;
     for (const InterviewStep& step : port_steps(world)) state.agenda.push_back(step);
     state.agenda.push_back([this](const InterviewState& now) { return model_step(now); });
     for (const RoleText& role : role_texts()) state.agenda.push_back(role_step(world, role));
+    state.agenda.push_back(further_step(world));
     state.agenda.push_back(sample_step());
     state.agenda.push_back(calibration_step(world));
     state.agenda.push_back(write_step(world));

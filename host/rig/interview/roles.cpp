@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <sstream>
 
 namespace vitreo {
@@ -151,18 +152,28 @@ std::vector<InterviewStep> steps_of(const std::string& role, const std::string& 
   return steps;
 }
 
+/// What stands above the role's table.
+std::string comment_of(const RigDraft& draft, const std::string& role, const std::string& driver) {
+  std::string comment;
+  for (const RoleText& one : role_texts())
+    if (role == one.role) comment = std::string(one.text) + ".";
+  if (const auto file = file_called(draft, driver); file && comment.empty())
+    comment = file->title + ".";
+  if (!comment.empty())
+    comment.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(comment.front())));
+  return comment;
+}
+
 /// Puts the role's table into the draft, and its settings next. Throws ConfigError where the
 /// address is none of the driver's, or another role's.
 void begin_role(InterviewState& state, const std::string& role, const std::string& driver,
                 const std::string& address, const std::string& comment) {
   DraftTable& table = state.draft.table(role);
-  for (const RoleText& one : role_texts())
-    if (role == one.role) table.comments = {std::string(one.text) + "."};
-  table.comments.front().front() =
-      static_cast<char>(std::toupper(static_cast<unsigned char>(table.comments.front().front())));
+  table.comments = {comment_of(state.draft, role, driver)};
   table.set({"driver", written_text(driver)});
   table.set({"address", written_text(address), comment});
   check_draft(state.draft);
+  state.next(file_setting_steps(state.draft, role, driver));
   state.next(steps_of(role, driver));
 }
 
@@ -241,10 +252,26 @@ std::optional<AskedQuestion> supplies_question(const InterviewState& state) {
   return asked;
 }
 
+/// Of a Lua file, by the first bus that it takes.
+std::string example_of(const RigDraft& draft, const std::string& driver) {
+  const auto file = file_called(draft, driver);
+  if (!file) return example_address(driver);
+  static const std::map<std::string, std::string> examples{
+      {"serial", "serial:/dev/ttyUSB0"}, {"tcp", "tcp:10.0.0.7:5025"},
+      {"udp", "udp:10.0.0.7:5025"},      {"usbtmc", "usbtmc:/dev/usbtmc0"},
+      {"vxi11", "vxi11:10.0.0.7"},       {"hislip", "hislip:10.0.0.7"}};
+  const auto found = examples.find(file->buses.empty() ? "" : file->buses.front());
+  return found == examples.end() ? example_address(driver) : found->second;
+}
+
 /// A serial port that has not answered, or was not asked, and that the driver could take.
 std::string likely_address(const InterviewWorld& world, const InterviewState& state,
                            const std::string& driver) {
   const std::vector<std::string> taken = taken_addresses(state.draft);
+  for (const FoundInstrument& one : state.found)
+    if (const std::string address = one.lasting_address.empty() ? one.address : one.lasting_address;
+        one.driver == driver && !contains(taken, address))
+      return address;
   for (const auto& row : world.plugged_in) {
     const std::string address = row.value("address", "");
     const auto possible = row.value("candidates", std::vector<std::string>{});
@@ -259,6 +286,8 @@ std::string likely_address(const InterviewWorld& world, const InterviewState& st
   return "";
 }
 
+}  // namespace
+
 InterviewStep address_step(const InterviewWorld& world, const std::string& role,
                            const std::string& driver) {
   return [&world, role, driver](const InterviewState& state) -> std::optional<AskedQuestion> {
@@ -272,7 +301,7 @@ InterviewStep address_step(const InterviewWorld& world, const std::string& role,
             "cables are put in in another order. emulated: an emulator in its place, for trying.",
         .options = {},
         .fallback = likely_address(world, state, driver),
-        .wanted = "an address such as " + example_address(driver)};
+        .wanted = "an address such as " + example_of(state.draft, driver)};
     asked.accept = [role, driver](InterviewState& at, const std::string& typed) {
       begin_role(at, role, driver, full_address(typed), "");
       return std::string();
@@ -281,7 +310,10 @@ InterviewStep address_step(const InterviewWorld& world, const std::string& role,
   };
 }
 
-std::vector<AnswerOption> options_for(const std::vector<Candidate>& candidates,
+namespace {
+
+std::vector<AnswerOption> options_for(const InterviewState& state,
+                                      const std::vector<Candidate>& candidates,
                                       const std::string& role) {
   std::vector<AnswerOption> options;
   std::size_t supplies = 0;
@@ -297,6 +329,7 @@ std::vector<AnswerOption> options_for(const std::vector<Candidate>& candidates,
                                : supplies == 0 ? "this driver, at addresses that you type"
                                                : fmt::format("{} found", supplies)});
   }
+  for (const AnswerOption& file : file_options(state.draft, role)) options.push_back(file);
   options.push_back({"none", "leave this role out"});
   return options;
 }
@@ -340,7 +373,7 @@ InterviewStep role_step(const InterviewWorld& world, const RoleText& role) {
         .help =
             "A protocol that needs a role which the rig has not is refused before it begins. An "
             "instrument that was recognized tells its settings itself.",
-        .options = options_for(candidates, role.role),
+        .options = options_for(state, candidates, role.role),
         .fallback = usual_option(candidates)};
     asked.accept = [&world, name = std::string(role.role)](InterviewState& at,
                                                            const std::string& word) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/interview/setting_texts.h"
 
+#include "host/rig/identities.h"
+
 #include <map>
 
 namespace vitreo {
@@ -207,7 +209,12 @@ const std::map<std::string, Texts>& all_texts() {
       {"pololu_tic", tic_texts()},
       {"led", led_texts()},
       {"foot_pedal", pedal_texts()},
-      {"scpi_probe", probe_texts()}};
+      {"scpi_probe", probe_texts()},
+      // Of a driver that is a Lua file, beside what the file declares.
+      {"stage lua", kStage},
+      {"coils lua", {kTotalCurrent}},
+      {"lamp lua",
+       {{"level", "level at the begin of a run, 0 (dark) to 1", "Scripts change it."}}}};
   return texts;
 }
 
@@ -215,7 +222,9 @@ const std::map<std::string, Texts>& all_texts() {
 
 const std::vector<SettingText>& setting_texts(const std::string& role, const std::string& driver) {
   static const Texts none;
-  for (const std::string& name : {role + " " + driver, driver.empty() ? role : driver})
+  const bool built_in = is_built_in(driver);
+  for (const std::string& name :
+       {role + " " + driver, driver.empty() ? role : driver, built_in ? "" : role + " lua"})
     if (const auto found = all_texts().find(name); found != all_texts().end()) return found->second;
   return none;
 }

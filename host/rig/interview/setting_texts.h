@@ -15,17 +15,17 @@ enum class Need {
 };
 
 struct SettingText {
-  const char* key;   ///< in the role's table
-  const char* text;  ///< one line: the question
-  const char* help;  ///< what it does, where the number is found, what goes wrong
+  std::string key;   ///< in the role's table
+  std::string text;  ///< one line: the question
+  std::string help;  ///< what it does, where the number is found, what goes wrong
   Need need = Need::confirmed;
   /// As it would be typed: stands in for the answer while others are checked, and makes a key known
   /// that is read only where the file has it. Of all that are typed or optional.
-  const char* stand_in = "";
+  std::string stand_in{};
 };
 
 /// In the order in which they are asked; empty for a driver without any. `role` may be "model".
-/// Addresses are not among them.
+/// Addresses are not among them, nor what an instrument's Lua file declares.
 const std::vector<SettingText>& setting_texts(const std::string& role, const std::string& driver);
 /// Of one axis of a Zaber stage, below its letter.
 const std::vector<SettingText>& zaber_axis_texts();

@@ -35,7 +35,7 @@ class StandIns {
   void add(const std::vector<SettingText>& texts, const std::string& below) {
     for (const SettingText& text : texts) {
       const bool wanted = text.need == Need::typed || table_.name + "." + below + text.key == key_;
-      if (wanted && *text.stand_in != '\0') set(below + text.key, stand_in_value(text.stand_in));
+      if (wanted && !text.stand_in.empty()) set(below + text.key, stand_in_value(text.stand_in));
     }
   }
 
@@ -135,8 +135,8 @@ std::optional<AskedQuestion> ask_setting(const InterviewState& state, const std:
     for (const std::string& word : known->choices) asked.question.options.push_back({word, ""});
   else
     asked.question.wanted = wanted_answer(*known);
-  asked.accept = [table, &text, below, known = *known](InterviewState& at,
-                                                       const std::string& typed) {
+  asked.accept = [table, text, below, known = *known](InterviewState& at,
+                                                      const std::string& typed) {
     return take_setting(at, table, text, below, known, typed);
   };
   return asked;
@@ -155,13 +155,12 @@ void check_draft(const RigDraft& draft) {
   }
 }
 
-// The texts are tables of the program's: they outlive the steps.
 std::vector<InterviewStep> setting_steps(const std::string& table,
                                          const std::vector<SettingText>& texts,
                                          const std::string& below) {
   std::vector<InterviewStep> steps;
   for (const SettingText& text : texts)
-    steps.push_back([table, &text, below](const InterviewState& state) {
+    steps.push_back([table, text, below](const InterviewState& state) {
       return ask_setting(state, table, text, below);
     });
   return steps;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/rig/instrument_file.h"
 #include "host/rig/interview/question.h"
 #include "host/rig/interview/rig_draft.h"
 #include "host/rig/interview/setting_texts.h"
@@ -46,6 +47,17 @@ InterviewStep title_step();
 std::vector<InterviewStep> port_steps(const InterviewWorld& world);
 /// Which instrument plays a role, and its settings.
 InterviewStep role_step(const InterviewWorld& world, const RoleText& role);
+/// The address of a role's driver, and then its settings.
+InterviewStep address_step(const InterviewWorld& world, const std::string& role,
+                           const std::string& driver);
+/// Roles under names of their own, for instruments in Lua, until there is no further one.
+InterviewStep further_step(const InterviewWorld& world);
+/// Lua files that can play a fixed role, as its options; and what one is, nothing for another name.
+std::vector<AnswerOption> file_options(const RigDraft& draft, const std::string& role);
+std::optional<InstrumentSummary> file_called(const RigDraft& draft, const std::string& name);
+/// The settings that the role's Lua file declares; none of a built-in driver.
+std::vector<InterviewStep> file_setting_steps(const RigDraft& draft, const std::string& role,
+                                              const std::string& driver);
 InterviewStep sample_step();
 /// The settings of a table that stands in the draft; `below`: "z." for those of an inner table.
 std::vector<InterviewStep> setting_steps(const std::string& table,

@@ -31,7 +31,7 @@ std::string group_of(const Scene& scene, const std::string& bus) {
 /// Groups and, of each, whether a node that is there stays closed without it.
 std::map<std::string, bool> wanted_groups(const Scene& scene) {
   std::set<std::string> buses;
-  for (const Need& need : scene.needs({"serial", "hid", "usb", "video"}))
+  for (const Need& need : scene.needs({"serial", "hid", "usb", "video", "usbtmc", "evdev"}))
     buses.insert(need.address.bus);
   if (!scene.rig()) buses = {"serial", "usb"};
   for (const Use& use : scene.uses) buses.insert(use.bus);
@@ -191,7 +191,8 @@ Findings check_permissions(const Scene& scene) {
 Findings check_udev_rules(const Scene& scene) {
   const auto files = config_files(scene.machine, "udev/rules.d");
   const ConfigFile* const file = rules_in_force(files);
-  const bool only_serial = scene.rig() && scene.needs({"hid", "usb", "genicam"}).empty();
+  const bool only_serial =
+      scene.rig() && scene.needs({"hid", "usb", "genicam", "usbtmc", "evdev"}).empty();
   if (file == nullptr)
     return {said(only_serial ? State::warning : State::fault,
                  std::string(kRulesName) + " is not installed", install_rules(scene))};

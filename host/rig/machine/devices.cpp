@@ -86,7 +86,8 @@ void add_nodes(std::vector<DeviceNode>& nodes, const Machine& machine, DeviceNod
     for (std::filesystem::path at = device; at.has_relative_path() && interface.empty();
          at = at.parent_path())
       interface = interface_class(machine, at.string());
-    nodes.push_back({kind, "/dev/" + name, usb.empty() ? "" : usb.front(), interface,
+    const std::string below = kind == DeviceNode::Kind::input ? "/dev/input/" : "/dev/";
+    nodes.push_back({kind, below + name, usb.empty() ? "" : usb.front(), interface,
                      record_of(machine, folder)});
   }
 }
@@ -146,6 +147,8 @@ Devices find_devices(const Machine& machine) {
   add_nodes(devices.nodes, machine, DeviceNode::Kind::serial, "/sys/class/tty", "tty");
   add_nodes(devices.nodes, machine, DeviceNode::Kind::hid, "/sys/class/hidraw", "hidraw");
   add_nodes(devices.nodes, machine, DeviceNode::Kind::video, "/sys/class/video4linux", "video");
+  add_nodes(devices.nodes, machine, DeviceNode::Kind::usbtmc, "/sys/class/usbmisc", "usbtmc");
+  add_nodes(devices.nodes, machine, DeviceNode::Kind::input, "/sys/class/input", "event");
   return devices;
 }
 

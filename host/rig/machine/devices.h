@@ -32,15 +32,20 @@ struct UsbDevice {
   std::string name() const;             // "FTDI FT232R USB UART", or its numbers
   bool has_interface(const std::string& prefix) const;
   bool is_usb3_vision() const { return has_interface("ef05"); }
+  bool is_usbtmc() const { return has_interface("fe03"); }
 };
 
 struct DeviceNode {
-  enum class Kind { serial, hid, video };
+  enum class Kind { serial, hid, video, usbtmc, input };
   Kind kind;
   std::string path;          // "/dev/ttyUSB0"
   std::string usb;           // place of the USB device that it belongs to; "": none
   std::string interface {};  // of that device, "020201"; "": not known
   std::optional<UdevRecord> record{};
+  /// Of an input node: a game pad or joystick, and no keyboard.
+  bool is_game_pad() const {
+    return kind == Kind::input && record && record->property("ID_INPUT_JOYSTICK") == "1";
+  }
 };
 
 struct Devices {

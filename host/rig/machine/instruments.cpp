@@ -88,6 +88,12 @@ Finding check_need(const Scene& scene, const Need& need) {
   if (bus == "hid" || bus == "usb") return check_usb(scene, need);
   if (bus == "serial") return check_node(scene, need, DeviceNode::Kind::serial);
   if (bus == "video") return check_node(scene, need, DeviceNode::Kind::video);
+  if (bus == "usbtmc" || bus == "evdev") {
+    const bool by_node = need.address.place.starts_with("/");
+    return by_node ? check_node(scene, need,
+                                bus == "evdev" ? DeviceNode::Kind::input : DeviceNode::Kind::usbtmc)
+                   : check_usb(scene, need);
+  }
   if (bus == "genicam") return check_camera(scene, need);
   if (bus == "iidc") return check_firewire(scene, need);
   return said(State::unknown, need.role);  // on the network, and nothing is sent

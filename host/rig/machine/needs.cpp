@@ -51,9 +51,36 @@ Use use_of(const Devices& devices, const std::string& name, const UsbDevice& usb
   return {name, "hid", node == nullptr ? "" : node->path, &usb};
 }
 
+/// What is opened of USBTMC is the USB device's own node: its kernel driver gives it up meanwhile.
 Use use_of(const Devices& devices, const DeviceNode& node, const std::string& name) {
-  return {name, node.kind == DeviceNode::Kind::video ? "video" : "serial", node.path,
-          devices.at(node.usb)};
+  const UsbDevice* const usb = devices.at(node.usb);
+  switch (node.kind) {
+    case DeviceNode::Kind::usbtmc:
+      return {name, "usbtmc", usb == nullptr ? node.path : usb->node, usb};
+    case DeviceNode::Kind::input:
+      return {name, "evdev", node.path, usb};
+    case DeviceNode::Kind::video:
+      return {name, "video", node.path, usb};
+    default:
+      return {name, "serial", node.path, usb};
+  }
+}
+
+/// Of usbtmc and evdev: a node, or the numbers of a USB device.
+std::optional<Use> node_or_numbers(const Machine& machine, const Devices& devices,
+                                   const Need& need) {
+  if (need.address.place.starts_with("/")) {
+    const std::string real = machine.real(need.address.place);
+    if (real.empty()) return std::nullopt;
+    const DeviceNode* const node = devices.node(real);
+    return node != nullptr ? use_of(devices, *node, need.role)
+                           : Use{need.role, need.address.bus, real, nullptr};
+  }
+  const auto fit = fitting(devices, need);
+  if (fit.size() != 1) return std::nullopt;
+  if (need.address.bus == "usbtmc") return Use{need.role, "usbtmc", fit[0]->node, fit[0]};
+  const DeviceNode* const node = node_of(devices, *fit[0], DeviceNode::Kind::input);
+  return Use{need.role, "evdev", node == nullptr ? "" : node->path, fit[0]};
 }
 
 /// What the rig's addresses name.
@@ -70,6 +97,8 @@ std::vector<Use> named(const Machine& machine, const Devices& devices, const Rig
       const DeviceNode* const node = devices.node(real);
       found.push_back(node != nullptr ? use_of(devices, *node, need.role)
                                       : Use{need.role, bus, real, nullptr});
+    } else if (bus == "usbtmc" || bus == "evdev") {
+      if (auto use = node_or_numbers(machine, devices, need)) found.push_back(std::move(*use));
     } else if (const UsbDevice* const camera = usb_camera(devices, need)) {
       found.push_back({need.role, "genicam", camera->node, camera});
     }
@@ -86,9 +115,12 @@ std::vector<Use> plugged_in(const Devices& devices) {
       found.push_back(use_of(devices, usb.name(), usb, driver != "pololu_tic"));
     else if (usb.is_usb3_vision())
       found.push_back({usb.name(), "genicam", usb.node, &usb});
+    else if (usb.is_usbtmc())
+      found.push_back({usb.name(), "usbtmc", usb.node, &usb});
   }
   for (const DeviceNode& node : devices.nodes)
-    if (node.kind != DeviceNode::Kind::hid) {
+    if (node.kind == DeviceNode::Kind::serial || node.kind == DeviceNode::Kind::video ||
+        node.is_game_pad()) {
       const UsbDevice* const usb = devices.at(node.usb);
       found.push_back(use_of(devices, node, usb == nullptr ? node.path : usb->name()));
     }

@@ -34,7 +34,7 @@ RigNeeds needs_of(const RigDescription& description);
 /// A device of the machine that Vitreo uses, or would.
 struct Use {
   std::string name;                // the role; without a rig, what the device is
-  std::string bus;                 // "serial", "hid", "usb", "video", "genicam"
+  std::string bus;                 // as an address begins: "serial", "hid", "usb", ...
   std::string node;                // what is opened: "/dev/hidraw0"; "": there is none
   const UsbDevice* usb = nullptr;  // null: not on USB
 };

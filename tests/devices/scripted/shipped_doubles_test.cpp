@@ -229,6 +229,30 @@ INSTANTIATE_TEST_SUITE_P(Ways, MetrolabDouble,
                                          Options{"fetch_waits=False"}, Options{"late=0.05"}),
                          [](const auto& made) { return name_of(made.param); });
 
+TEST(MetrolabSeries, IsTakenByItsOwnClockAndReadAsLists) {
+  const auto clock = wall_clock();
+  DoubleProcess instrument = DoubleProcess::on_socket("metrolab_thm1176", {});
+  instrument.order(R"({"set": {"field": [0.01, -0.02, 0.0345]}})");
+  auto link = message_bytes(usbtmc_link(open_double_usbtmc(instrument.address(), *clock), *clock),
+                            "\n", *clock);
+  const auto probe = scripted::open_instrument(
+      {shipped("thm1176_series"), std::move(link), "thm1176_series", *clock});
+  EXPECT_NEAR(number(*probe, "value"), std::hypot(0.01, 0.02, 0.0345), 50e-6);
+  const Time began = clock->now();
+  command(*probe, "take", {500, 2e-3});
+  EXPECT_GE(clock->now() - began, 1s);
+  const auto z = std::get<std::vector<double>>(probe->read(index_of(*probe, "z"), 5s).value);
+  EXPECT_EQ(z.size(), 500U);
+  for (const double one : z) EXPECT_NEAR(one, 0.0345, 50e-6);
+  EXPECT_EQ(instrument.order(R"({"get": "errors"})"), R"({"errors": []})");
+  // Faster than its 6.8 kSa/s it cannot: it says so, and the next series is as good as before.
+  EXPECT_EQ(kind_of([&] { command(*probe, "take", {100, 122e-6}); }), DeviceErrorKind::refused);
+  command(*probe, "take", {2048, 250e-6});
+  EXPECT_EQ(std::get<std::vector<double>>(probe->read(index_of(*probe, "x"), 5s).value).size(),
+            2048U);
+  EXPECT_EQ(contract::check(*probe), Findings{});
+}
+
 // New Era
 
 class NewEraDouble : public testing::TestWithParam<Options> {};
@@ -263,6 +287,58 @@ TEST(NewEraDouble, AStallIsToldAndWhatItRefusesTooAndItIsSafeInTheEnd) {
   set(*pump, "rate", 1e-6 / 60);
   pump.reset();
   EXPECT_EQ(order_after(*clock, instrument, R"({"get": "running"})"), R"({"running": false})");
+}
+
+class WatchedNewEra : public testing::TestWithParam<Options> {};
+TEST_P(WatchedNewEra, KeepsTheContractAndInfusesForLongerThanItMayBeSilent) {
+  const auto clock = wall_clock();
+  DoubleProcess instrument("new_era", GetParam());
+  const auto pump =
+      scripted::open_instrument(on_double("ne1000_safe", instrument, *clock, {{"silence", 2.0}}));
+  EXPECT_EQ(contract::check(*pump), Findings{});
+  set(*pump, "rate", 2e-6 / 60);
+  EXPECT_NEAR(number(*pump, "rate"), 2e-6 / 60, 1e-12);
+  command(*pump, "infuse", {0.1e-6});  // 3 s
+  EXPECT_NEAR(instrument.number("infused_ml"), 0.1, 1e-3);
+  EXPECT_EQ(instrument.order(R"({"get": "alarm"})"), R"({"alarm": ""})");
+  EXPECT_NE(instrument.order(R"({"get": "safe_timer_ends"})").find("ends\": "), std::string::npos);
+  EXPECT_EQ(instrument.order(R"({"get": "safe_timer_ends"})").find("null"), std::string::npos);
+}
+INSTANTIATE_TEST_SUITE_P(Ways, WatchedNewEra,
+                         testing::Values(Options{}, Options{"alarm_at_power_up=False"},
+                                         Options{"pieces=2", "gap=0.005"}),
+                         [](const auto& made) { return name_of(made.param); });
+
+TEST(WatchedNewEra, StopsByItselfWhenItsHostIsGoneAndAnotherOneTakesItUp) {
+  const auto clock = wall_clock();
+  DoubleProcess instrument("new_era");
+  Opening first = on_double("ne1000_safe", instrument, *clock, {{"silence", 2.0}});
+  const scripted::Framing framing = first.loaded.declaration.link.framing;
+  scripted::open_instrument(std::move(first)).reset();
+  // What a host says that dies with the pump running; nothing is said after it.
+  auto link = open_byte_link(instrument.address(), {.baud_rate = 19200}, *clock);
+  for (const char* message : {"", "VOL0", "RAT1.000MM", "RUN"}) {
+    const std::string whole = scripted::framed(framing, message);
+    link->write({reinterpret_cast<const std::uint8_t*>(whole.data()), whole.size()}, 1s);
+    clock->sleep_for(100ms);
+  }
+  EXPECT_EQ(instrument.order(R"({"get": "running"})"), R"({"running": true})");
+  clock->sleep_for(2500ms);
+  EXPECT_EQ(instrument.order(R"({"get": "running"})"), R"({"running": false})");
+  EXPECT_EQ(instrument.order(R"({"get": "alarm"})"), R"({"alarm": "T"})");
+  link.reset();
+  const auto pump =
+      scripted::open_instrument(on_double("ne1000_safe", instrument, *clock, {{"silence", 2.0}}));
+  EXPECT_FALSE(flag(*pump, "running"));
+}
+
+TEST(WatchedNewEra, AStallIsTold) {
+  const auto clock = wall_clock();
+  DoubleProcess instrument("new_era");
+  const auto pump = scripted::open_instrument(on_double("ne1000_safe", instrument, *clock));
+  set(*pump, "rate", 2e-6 / 60);
+  instrument.order(R"({"set": {"blocked": true}})");
+  EXPECT_EQ(kind_of([&] { command(*pump, "infuse", {0.1e-6}); }), DeviceErrorKind::refused);
 }
 
 // Harvard

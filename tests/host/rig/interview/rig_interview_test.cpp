@@ -7,9 +7,11 @@
 #include "host/lua/script/reading.h"
 #include "host/rig/interview/setting_texts.h"
 #include "host/rig/rig_settings.h"
+#include "tests/host/rig/fake_rig.h"
 
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <map>
 #include <set>
 
@@ -177,6 +179,65 @@ TEST_F(NewRig, WhatDoesNotAnswerIsToldAndTheInterviewGoesOn) {
   EXPECT_EQ(reply.kind, Kind::accepted);
   EXPECT_TRUE(has(reply.text, "nothing is there")) << reply.text;
   EXPECT_EQ(interview.question().key, "another");
+}
+
+// Those that ship, and a file that lies where the rig file will.
+TEST_F(NewRig, InstrumentsInLuaAreOfferedForTheirRoleAndUnderNamesOfTheirOwn) {
+  const TemporaryFolder folder;
+  const std::string bench = (folder.path() / "bench").string();
+  std::ofstream(folder.path() / "oven.lua")
+      << "local set = settings { hottest = { default = 90, unit = 'degC', min = 20, max = 300, "
+         "help "
+         "= 'to which it may heat' } }\n"
+         "return { title = 'Acme oven', kind = 'actuator', measures = 'temperature', link = {}, "
+         "identity = '*IDN?', make_safe = 'OFF', properties = { set_point = { unit = 'degC', set = "
+         "'SP %.1f', min = 0, max = set.hottest } }, emulator = { answers = { ['*IDN?'] = "
+         "'A,O,1,2' "
+         "} } }";
+  std::ofstream(folder.path() / "other_rig.lua") << "return { title = 'none' } -- identity";
+  world.folders = {VITREO_SOURCE_DIR "/scripts"};
+  world.check = [this](const std::string& file, const std::string& lua) {
+    checked = lua;
+    RigDescription rig = lua::read_recorded_rig(lua::library(), {file, lua}, {});
+    rig.folders = world.folders;
+    check_rig(rig);
+  };
+  RigInterview interview(world, bench);
+  const auto options = [&] {
+    std::set<std::string> words;
+    for (const AnswerOption& one : interview.question().options) words.insert(one.word);
+    return words;
+  };
+  go(interview, kUsb3103, "stage");
+  EXPECT_TRUE(options().contains("kdc101") && options().contains("conex_cc"));
+  EXPECT_FALSE(options().contains("ne1000"));
+  Answers answers{{"stage", "conex_cc"},
+                  {"stage.address", "emulated"},
+                  {"stage.carries", "sensor"},
+                  {"stage.focus_axis", "z"}};
+  go(interview, answers, "further");
+  for (const char* const file : {"ne1000", "tc038d", "oven", "conex_cc"})
+    EXPECT_TRUE(options().contains(file)) << file;
+  for (const char* const file : {"other_rig", "arduino", "usb3103"})
+    EXPECT_FALSE(options().contains(file)) << file;
+  interview.answer("oven");
+  EXPECT_EQ(interview.question().fallback, "temperature");
+  EXPECT_TRUE(has(interview.answer("coils").text, "is a role already"));
+  EXPECT_TRUE(has(interview.answer("Oven").text, "is no name"));
+  interview.answer("oven");
+  EXPECT_EQ(interview.question().key, "oven.address");
+  EXPECT_EQ(interview.question().wanted, "an address such as serial:/dev/ttyUSB0");
+  interview.answer("emulated");
+  EXPECT_EQ(interview.question().key, "oven.hottest");
+  EXPECT_TRUE(has(interview.question().text, "to which it may heat"));
+  EXPECT_EQ(interview.question().fallback, "90 degC");
+  EXPECT_EQ(interview.answer("400 degC").kind, Kind::refused);
+  interview.answer("60 degC");
+  ASSERT_EQ(interview.question().key, "further") << "as long as there is a further one";
+  go(interview, {});
+  ASSERT_TRUE(interview.done());
+  EXPECT_TRUE(has(checked, "  -- Acme oven.\n  oven = {\n    driver = \"oven\",")) << checked;
+  EXPECT_TRUE(has(checked, "driver = \"conex_cc\"")) << checked;
 }
 
 TEST_F(NewRig, WhatAnInstrumentHasToldIsOfferedWithItsUnit) {

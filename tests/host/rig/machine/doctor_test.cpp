@@ -37,6 +37,8 @@ std::string commands(const Findings& findings, const std::string& check, State s
   return text;
 }
 
+const std::string kRules = "60-vitreo.rules";
+
 struct Spoiled {
   std::string name;
   std::function<void(FakeMachine&)> spoil;
@@ -91,9 +93,44 @@ TEST(Doctor, LooksOnlyAtWhatTheRigNeeds) {
   EXPECT_EQ(states(examine(fake.machine(), wanted)).at("network"), State::good);
 }
 
-// ---------------------------------------------------------------- one thing is wrong
+// A Metrolab probe by its numbers or its kernel node, a game pad by its node; a keyboard is none.
+TEST(Doctor, KnowsUsbtmcInstrumentsAndGamePads) {
+  FakeMachine fake;
+  fake.plug({"1-6", "1bfa", "0498", "0000803", "Metrolab", "THM1176", "fe0301"});
+  fake.give_node("1-6", "usbmisc", "usbtmc0", "180:176");
+  fake.plug({"1-7", "045e", "028e", "", "Microsoft", "Pad", "030000"});
+  fake.give_node("1-7", "input", "event5", "13:69");
+  fake.udev("13:69", "E:ID_INPUT_JOYSTICK=1\nG:uaccess\n");
+  fake.plug({"1-8", "046d", "c31c", "", "Logitech", "Keyboard", "030101"});
+  fake.give_node("1-8", "input", "event6", "13:70");
+  fake.udev("13:70", "E:ID_INPUT_KEYBOARD=1\n");
+  fake.node("/dev/input/event6", "root", 0600);
+  const Findings alone = examine(fake.machine(), wanted_without_rig());
+  EXPECT_EQ(count(alone, State::good), alone.size()) << told(alone);
+  EXPECT_NE(told(alone).find("/dev/input/event5"), std::string::npos) << told(alone);
+  EXPECT_EQ(told(alone).find("event6"), std::string::npos) << told(alone);
+  Wanted wanted = wanted_without_rig();
+  for (const char* const place : {"1bfa:0498", "/dev/usbtmc0"}) {
+    wanted.rig = RigNeeds{"probe",
+                          {{"field_probe", "thm1176", {"usbtmc", place}},
+                           {"joystick", "game_pad", {"evdev", "/dev/input/event5"}}}};
+    EXPECT_NE(told(examine(fake.machine(), wanted)).find("here: field_probe and joystick"),
+              std::string::npos)
+        << told(examine(fake.machine(), wanted));
+    fake.node("/dev/bus/usb/001/007", "root", 0600);
+    const Findings closed = examine(fake.machine(), wanted);
+    EXPECT_EQ(states(closed).at("permissions"), State::fault) << told(closed);
+    EXPECT_NE(commands(closed, "permissions", State::fault).find(kRules), std::string::npos);
+    fake.node("/dev/bus/usb/001/007", "plugdev");
+  }
+  fake.unplug("1-6");
+  fake.remove("/dev/usbtmc0");
+  EXPECT_NE(told(examine(fake.machine(), wanted)).find("/dev/usbtmc0 is not there"),
+            std::string::npos)
+      << told(examine(fake.machine(), wanted));
+}
 
-const std::string kRules = "60-vitreo.rules";
+// ---------------------------------------------------------------- one thing is wrong
 
 /// Each is wrong with the laboratory's rig; those of `with_rig` false without one.
 std::vector<Spoiled> access_and_rivals() {

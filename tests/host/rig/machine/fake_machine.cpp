@@ -65,7 +65,9 @@ void FakeMachine::give_node(const std::string& place, const std::string& kind,
   write(kHub + folder + "/dev", numbers + "\n");
   link("/sys/class/" + kind + "/" + name, "../../devices/pci0000:00/0000:00:14.0/usb1/" + folder);
   udev(numbers, kRecord);
-  node("/dev/" + name, kind == "tty" ? "dialout" : kind == "video4linux" ? "video" : "plugdev");
+  node((kind == "input" ? "/dev/input/" : "/dev/") + name, kind == "tty"           ? "dialout"
+                                                           : kind == "video4linux" ? "video"
+                                                                                   : "plugdev");
 }
 
 // A Debian 12 desktop: eight cores, one wired interface, what octomag_lab names.

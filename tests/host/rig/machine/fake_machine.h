@@ -60,7 +60,7 @@ class FakeMachine {
   };
   void plug(const Usb& usb) const;
   void unplug(const std::string& place) const;
-  /// The node of class "tty", "hidraw" or "video4linux" that a USB device has.
+  /// The node of class "tty", "hidraw", "video4linux", "usbmisc" or "input" that a USB device has.
   void give_node(const std::string& place, const std::string& kind, const std::string& name,
                  const std::string& numbers) const;
   void udev(const std::string& numbers, const std::string& record) const {

@@ -103,6 +103,34 @@ TEST(UdevRules, OpenEachInstrumentThatADriverTakesAndOfOtherMakersNothingElse) {
   EXPECT_TRUE(opened(assigned(rules, usb_device(0x1E10, 0x4000, ":ef0500:ef0501:ef0502:"))));
 }
 
+// A Metrolab THM1176 (USB488) and a meter of class USBTMC alone; a mass storage is none.
+TEST(UdevRules, OpenUsbtmcInstrumentsByTheirClassAndTheirNodes) {
+  const auto rules = read_rules(udev_rules());
+  for (const char* interfaces : {":fe0301:", ":fe0300:", ":020201:0a0000:fe0301:"}) {
+    const Device made = assigned(rules, usb_device(0x1BFA, 0x0498, interfaces));
+    EXPECT_TRUE(opened(made)) << interfaces;
+    EXPECT_EQ(made.at("ATTR{power/control}"), "on") << interfaces;
+  }
+  EXPECT_FALSE(opened(assigned(rules, usb_device(0x1BFA, 0x0498, ":080650:"))));
+  EXPECT_FALSE(opened(assigned(rules, usb_device(0x1BFA, 0x0498, ":fe0101:")))) << "DFU";
+  EXPECT_TRUE(opened(assigned(rules, {{"SUBSYSTEM", "usbmisc"}, {"KERNEL", "usbtmc0"}})));
+  EXPECT_FALSE(opened(assigned(rules, {{"SUBSYSTEM", "usbmisc"}, {"KERNEL", "cdc-wdm0"}})));
+}
+
+TEST(UdevRules, OpenGamePadsAndNoKeyboards) {
+  const auto rules = read_rules(udev_rules());
+  const auto input = [&](const std::string& kernel, const std::string& what) {
+    return opened(assigned(rules, {{"SUBSYSTEM", "input"},
+                                   {"SUBSYSTEMS", "usb"},
+                                   {"ATTRS{idVendor}", "045e"},
+                                   {"KERNEL", kernel},
+                                   {what, "1"}}));
+  };
+  EXPECT_TRUE(input("event5", "ENV{ID_INPUT_JOYSTICK}"));
+  EXPECT_FALSE(input("event5", "ENV{ID_INPUT_KEYBOARD}"));
+  EXPECT_FALSE(input("mouse0", "ENV{ID_INPUT_JOYSTICK}"));
+}
+
 TEST(UdevRules, KeepModemManagerFromSerialAdaptersAndNotFromModems) {
   const auto rules = read_rules(udev_rules());
   auto vendors = numbers_of_interest(rules, "idVendor");
