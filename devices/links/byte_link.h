@@ -28,6 +28,9 @@ class ByteLink {
   /// What has arrived, at most `most` bytes; waits for the first one. Empty when none came within
   /// `timeout`. Throws DeviceError{lost} within 0.5 s of the far end's going, Stopped.
   virtual ByteString read(std::size_t most, Time timeout) = 0;
+  /// Whether the far end has gone, as far as that shows without a byte: at once, and what has
+  /// arrived stays.
+  virtual bool hung_up() const { return false; }
   /// Closes it, and opens it again: after DeviceError{lost}. What was on its way is gone. Throws
   /// DeviceError{lost, not_found, refused}; then it may be tried again.
   virtual void reopen() = 0;

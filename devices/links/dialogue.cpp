@@ -45,7 +45,11 @@ Dialogue::Turn::~Turn() {
 }
 
 void Dialogue::fail(DeviceErrorKind kind, const std::string& what) const {
-  throw DeviceError(kind, device_, part_ + what);
+  std::string text = part_ + what;
+  const bool strange = kind == DeviceErrorKind::protocol || kind == DeviceErrorKind::not_found;
+  const std::string heard = strange ? history_.last_heard() : "";
+  if (!heard.empty() && text.find(heard) == std::string::npos) text += "; it says \"" + heard + '"';
+  throw DeviceError(kind, device_, text);
 }
 
 /// A late answer may explain this silence too: the instrument is slow.
@@ -107,7 +111,7 @@ ByteString Dialogue::take(std::size_t count, Time deadline) {
     if (!byte)
       fail(DeviceErrorKind::timeout, description() + ": only " + std::to_string(bytes.size()) +
                                          " of " + std::to_string(count) +
-                                         " bytes came in time: " + printable(bytes));
+                                         " bytes came in time: " + history_.last_heard());
     bytes.push_back(*byte);
   }
   return bytes;

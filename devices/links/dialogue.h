@@ -76,6 +76,8 @@ class Dialogue {
   /// Whether the link was lost; from then on every exchange throws DeviceError{lost} until
   /// reopen().
   bool lost() const { return lost_; }
+  /// Whether it is lost, or would be found so by the next exchange: at once, without one.
+  bool hung_up() const { return lost_ || link_->hung_up(); }
   void reopen();
   /// From here on it counts as lost: for an instrument that cannot be used as it is.
   void abandon() { lost_ = true; }
@@ -104,6 +106,7 @@ class Dialogue {
   /// an answer that did not come.
   std::string silence() const { return description() + " " + history_.silence(clock_.now()); }
   std::string description() const { return link_->description(); }
+  /// Of an answer that is not understood, or is another instrument's, the bytes are shown too.
   [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const;
 
  private:

@@ -81,6 +81,12 @@ class FileLink final : public ByteLink {
     }
   }
 
+  bool hung_up() const override {
+    if (!file_) return true;
+    pollfd file{file_->handle(), POLLRDHUP, 0};
+    return ::poll(&file, 1, 0) > 0;  // POLLERR, POLLHUP and POLLNVAL come unasked
+  }
+
   // Closed first: a port with one owner would refuse the second opening.
   void reopen() override {
     file_.reset();

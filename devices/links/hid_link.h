@@ -26,6 +26,8 @@ class HidLink {
   virtual void write(std::span<const std::uint8_t> report) = 0;
   /// The next input report, or nothing when none came within `timeout`. Throws DeviceError{lost}.
   virtual std::optional<std::vector<std::uint8_t>> read(Time timeout) = 0;
+  /// Whether the device has gone, as far as that shows without a report: at once.
+  virtual bool hung_up() const { return false; }
 };
 
 /// The instrument's end of the same wire.

@@ -156,6 +156,8 @@ class HidapiLink final : public HidLink {
     if (size == 0) return std::nullopt;
     return std::vector<std::uint8_t>(bytes.begin(), bytes.begin() + size);
   }
+  // hidapi does not give its own descriptor away.
+  bool hung_up() const override { return lock_.hung_up(); }
 
  private:
   /// Bytes of a report: the kernel's HID_MAX_BUFFER_SIZE is 16 KiB; our instruments have 64.

@@ -28,6 +28,12 @@ std::string duration_text(Time time) {
 
 std::string quoted(const std::string& text) { return '"' + text + '"'; }
 
+std::span<const std::uint8_t> without_end(std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty() && (bytes.back() == '\r' || bytes.back() == '\n'))
+    bytes = bytes.first(bytes.size() - 1);
+  return bytes;
+}
+
 }  // namespace
 
 void LineHistory::begin() { *this = {}; }
@@ -63,12 +69,10 @@ void LineHistory::gave_up(Time now) {
 
 /// Without the line's end, which every command has.
 std::string LineHistory::question() const {
-  if (!called_.empty()) return quoted(called_);
-  std::span<const std::uint8_t> bytes = exchange_.sent;
-  while (!bytes.empty() && (bytes.back() == '\r' || bytes.back() == '\n'))
-    bytes = bytes.first(bytes.size() - 1);
-  return quoted(printable(bytes));
+  return quoted(called_.empty() ? printable(without_end(exchange_.sent)) : called_);
 }
+
+std::string LineHistory::last_heard() const { return printable(without_end(exchange_.heard)); }
 
 std::string LineHistory::silence(Time now) const {
   const std::string within = " within " + duration_text(now - asked_);

@@ -39,6 +39,8 @@ class LineHistory {
   const std::string& lateness() const { return lateness_; }
   /// What the bytes since begin() look like: an echo, another instrument. Empty: like nothing.
   std::string appearance() const;
+  /// The bytes heard since the last question, as printable() has them, without the line's end.
+  std::string last_heard() const;
   /// The bytes heard since begin(), as printable() has them.
   std::string all_heard() const;
 

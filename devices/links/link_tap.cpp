@@ -59,6 +59,7 @@ class TappedByteLink final : public ByteLink {
     if (!bytes.empty()) link_.note(LinkEvent::from_instrument, bytes);
     return bytes;
   }
+  bool hung_up() const override { return link_->hung_up(); }
   void reopen() override {
     link_.guarded([&] { link_->reopen(); });
     link_.note(LinkEvent::opened);
@@ -107,6 +108,7 @@ class TappedHidLink final : public HidLink {
     if (report) link_.note(LinkEvent::from_instrument, *report);
     return report;
   }
+  bool hung_up() const override { return link_->hung_up(); }
 
  private:
   const Watched<HidLink> link_;

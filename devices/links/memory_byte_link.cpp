@@ -67,6 +67,8 @@ class MemoryByteLink final : public ByteLink {
     }
   }
 
+  bool hung_up() const override { return faults_ != nullptr && faults_->unplugged; }
+
   // What was on its way is lost with the connection.
   void reopen() override {
     check_cable();

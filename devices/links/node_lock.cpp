@@ -2,6 +2,7 @@
 #include "devices/links/node_lock.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/file.h>
 #include <unistd.h>
 #include <utility>
@@ -20,6 +21,13 @@ NodeLock::NodeLock(const std::string& path, const std::string& device)
 
 NodeLock::~NodeLock() {
   if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+// Nothing is asked for: of a device that is gone poll() says so by itself (hidraw: POLLERR and
+// POLLHUP).
+bool NodeLock::hung_up() const {
+  pollfd node{descriptor_, 0, 0};
+  return descriptor_ >= 0 && ::poll(&node, 1, 0) > 0;
 }
 
 NodeLock::NodeLock(NodeLock&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}

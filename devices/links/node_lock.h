@@ -30,6 +30,9 @@ class NodeLock {
   NodeLock(const NodeLock&) = delete;
   NodeLock& operator=(const NodeLock&) = delete;
 
+  /// Whether the device behind the node has gone; false where nothing is locked.
+  bool hung_up() const;
+
  private:
   int descriptor_ = -1;
 };

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "devices/roles/enable_line.h"
+#include "devices/roles/link_state.h"
 
 #include <optional>
 #include <span>
@@ -24,6 +25,8 @@ class CoilAmplifier {
   /// A, one per channel, as the instrument itself measures them; nothing where it measures none.
   /// Asked in either case, so that a device that is gone shows: throws DeviceError.
   virtual std::optional<std::vector<double>> measured_currents() = 0;
+  /// Without a question, at once: what is held is listened to between two of them.
+  virtual LinkState link_state() const { return {}; }
   /// Zero current on every channel, whatever the state. Idempotent.
   virtual void make_safe() = 0;
   /// Line of its own for a heartbeat, which it leaves low; null where it has none. Lives as long as

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "devices/roles/enable_line.h"
+#include "devices/roles/link_state.h"
 
 #include <string>
 
@@ -18,6 +19,8 @@ class Lamp {
   virtual double level() const = 0;  ///< as last set
   /// Whether it is still there: throws DeviceError where it does not answer. Opens nothing.
   virtual void ask() = 0;
+  /// Without a question, at once: a light that is held is listened to between two of them.
+  virtual LinkState link_state() const { return {}; }
   virtual void make_safe() = 0;  ///< dark. Idempotent.
   /// Line of its own for a heartbeat, which it leaves low; null where it has none. Lives as long as
   /// the lamp.

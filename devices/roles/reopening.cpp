@@ -164,6 +164,10 @@ class ReopeningAmplifier final : public CoilAmplifier {
     held_.use(Gone::stays, [&](CoilAmplifier& device) { measured = device.measured_currents(); });
     return measured;
   }
+  LinkState link_state() const override {
+    return held_.now() != nullptr ? held_.now()->link_state()
+                                  : LinkState{.hung_up = held_.identity()};
+  }
   void make_safe() override {
     held_.use(Gone::comes_back, [](CoilAmplifier& device) { device.make_safe(); });
     last_.assign(last_.size(), 0.0);
@@ -191,6 +195,10 @@ class ReopeningLamp final : public Lamp {
   double level() const override { return held_.now() != nullptr ? held_.now()->level() : last_; }
   void ask() override {
     held_.use(Gone::stays, [](Lamp& device) { device.ask(); });
+  }
+  LinkState link_state() const override {
+    return held_.now() != nullptr ? held_.now()->link_state()
+                                  : LinkState{.hung_up = held_.identity()};
   }
   void make_safe() override {
     held_.use(Gone::comes_back, [](Lamp& device) { device.make_safe(); });

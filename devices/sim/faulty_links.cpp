@@ -54,6 +54,7 @@ class FaultyHidLink final : public HidLink {
       if (clock_.now() >= deadline) return std::nullopt;
     }
   }
+  bool hung_up() const override { return faults_.unplugged; }
 
  private:
   struct Held {

@@ -77,6 +77,33 @@ std::string text_of(const nlohmann::json& json) {
   return json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
 
+struct DeepType {
+  std::uint32_t number;
+  int bits;
+};
+// NDStorage's numbers of 16-bit pixels of which fewer bits count (its IndexEntryData; the text of
+// the format has them not). Its older readers stop at 6, which is read and not written.
+constexpr DeepType kDeepTypes[] = {{3, 10}, {4, 12}, {5, 14}, {6, 11}};
+constexpr std::uint32_t kLastWritten = 5, kLastRead = 6;
+
+/// The number in the index of what has so many bits.
+std::uint32_t number_of(int pixel_type, int bits) {
+  for (const DeepType& deep : kDeepTypes)
+    if (pixel_type == 1 && bits == deep.bits && deep.number <= kLastWritten) return deep.number;
+  return static_cast<std::uint32_t>(pixel_type);
+}
+
+/// And back.
+void set_type(NdtiffEntry& entry, std::uint32_t number) {
+  entry.pixel_type = static_cast<int>(number);
+  entry.bits = 0;
+  for (const DeepType& deep : kDeepTypes) {
+    if (number != deep.number) continue;
+    entry.pixel_type = 1;
+    entry.bits = deep.bits;
+  }
+}
+
 /// Offsets within one page. The small values (bits of RGB, two resolutions) stand between directory
 /// and pixels.
 struct Page {
@@ -134,7 +161,10 @@ std::string directory_of(const Page& page, const NdtiffEntry& entry) {
 std::string index_text(const NdtiffEntry& entry) {
   Bytes bytes;
   bytes.text(text_of(entry.axes)).text(entry.file).u32(entry.pixels_at);
-  bytes.u32(entry.width_px).u32(entry.height_px).u32(entry.pixel_type).u32(0);
+  bytes.u32(entry.width_px)
+      .u32(entry.height_px)
+      .u32(number_of(entry.pixel_type, entry.bits))
+      .u32(0);
   bytes.u32(entry.metadata_at).u32(entry.metadata_bytes).u32(0);
   return bytes.str();
 }
@@ -197,10 +227,10 @@ void NdtiffWriter::begin_file() {
 // `end_` and `link_at_` move only when all is written: after an error the next page takes the same
 // place, and what was half written is overwritten.
 NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image,
-                                const nlohmann::json& metadata) {
+                                const nlohmann::json& metadata, int bits) {
   NdtiffEntry entry;
   entry.axes = axes;
-  entry.pixel_type = pixel_type_of(image);
+  set_type(entry, number_of(pixel_type_of(image), bits));
   entry.width_px = image.cols;
   entry.height_px = image.rows;
   cv::Mat pixels;  // never converted in place: the image belongs to the caller
@@ -272,12 +302,12 @@ class IndexReader {
     // too.
     constexpr std::uint32_t kLargest = 1u << 16;  // px
     if (!entry.axes.is_object() || !named || numbers[1] - 1 >= kLargest ||
-        numbers[2] - 1 >= kLargest || numbers[3] > 2 || numbers[4] != 0 || numbers[7] != 0)
+        numbers[2] - 1 >= kLargest || numbers[3] > kLastRead || numbers[4] != 0 || numbers[7] != 0)
       throw std::runtime_error(file_.string() + ": is not an NDTiff index that this program reads");
     entry.pixels_at = numbers[0];
     entry.width_px = static_cast<int>(numbers[1]);
     entry.height_px = static_cast<int>(numbers[2]);
-    entry.pixel_type = static_cast<int>(numbers[3]);
+    set_type(entry, numbers[3]);
     entry.metadata_at = numbers[5];
     entry.metadata_bytes = numbers[6];
     whole_ = at + sizeof numbers;

@@ -23,6 +23,7 @@ struct NdtiffEntry {
   int width_px = 0;
   int height_px = 0;
   int pixel_type = 0;           // 0: 8 bit, 1: 16 bit, 2: 8-bit RGB
+  int bits = 0;                 // of 16 that count, the low ones, where the index says it; else 0
   std::uint64_t index_end = 0;  // where its entry ends in the index, when it was read from there
   std::uint64_t pixel_bytes() const;
 };
@@ -42,9 +43,10 @@ class NdtiffWriter {
   NdtiffWriter& operator=(const NdtiffWriter&) = delete;
 
   /// 8- or 16-bit gray or 8-bit BGR (stored as RGB), not empty: std::invalid_argument. Pixels
-  /// first, then the page's link in the chain, then the index entry.
+  /// first, then the page's link in the chain, then the index entry. `bits` of 16 that count: the
+  /// index tells 10, 12 and 14, and readers show that range.
   NdtiffEntry write(const nlohmann::json& axes, const cv::Mat& image,
-                    const nlohmann::json& metadata);
+                    const nlohmann::json& metadata, int bits = 16);
   /// What was written is on the disk when this returns.
   void sync();
 

@@ -58,8 +58,8 @@ void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dro
   // CRC-32 are of the pixels without them.
   const cv::Mat& pixels = frame.deep.empty() ? frame.image : frame.deep;
   const cv::Mat image = pixels.isContinuous() ? pixels : pixels.clone();
-  const NdtiffEntry entry = stack.writer->write({{"time", stack.count}}, image,
-                                                metadata_of(stack.info, frame, dropped_before));
+  const NdtiffEntry entry = stack.writer->write(
+      {{"time", stack.count}}, image, metadata_of(stack.info, frame, dropped_before), frame.bits);
   ++stack.count;
   FrameRow row;
   row.camera = stack.info.camera;

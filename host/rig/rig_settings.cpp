@@ -175,12 +175,13 @@ void read_guardian(ConfigReader& reader, RigSettings& settings) {
   settings.guarded.push_back(output);
 }
 
-/// The same of all lines that there can be: `heartbeat`, `one_shot`, `pick_up`.
+/// The same of all lines that there can be.
 HeartbeatSettings read_heartbeat(ConfigReader& reader) {
   HeartbeatSettings beat;
   beat.rate = reader.number("heartbeat", beat.rate, {10, 100, "Hz"});
   beat.one_shot = reader.number("one_shot", beat.one_shot, {1e-3, 1, "s"});
   beat.pick_up = reader.number("pick_up", beat.pick_up, {0, 1, "s"});
+  beat.answer_within = reader.number("answer_within", beat.answer_within, {0.01, 5, "s"});
   try {
     beat.check();
   } catch (const std::invalid_argument& problem) {

@@ -78,6 +78,7 @@ class GuardedCoils final : public CoilAmplifier {
   std::optional<std::vector<double>> measured_currents() override {
     return amplifier_.measured_currents();
   }
+  LinkState link_state() const override { return amplifier_.link_state(); }
   void make_safe() override {
     amplifier_.make_safe();
     guardian_.disarm("coils");
@@ -95,6 +96,7 @@ class GuardedLamp final : public Lamp {
   std::string identity() const override { return lamp_.identity(); }
   double level() const override { return lamp_.level(); }
   void ask() override { lamp_.ask(); }
+  LinkState link_state() const override { return lamp_.link_state(); }
   EnableLine* enable_line() override { return lamp_.enable_line(); }
   void set_level(double level) override {
     if (level != 0) guardian_.arm("lamp");

@@ -43,6 +43,8 @@ void HeartbeatSettings::check() const {
     throw std::invalid_argument("heartbeat must be in [10, 100] Hz");
   if (!(one_shot > 0 && one_shot <= 1)) throw std::invalid_argument("one_shot must be in (0, 1] s");
   if (!(pick_up >= 0 && pick_up <= 1)) throw std::invalid_argument("pick_up must be in [0, 1] s");
+  if (!(answer_within > 0 && answer_within <= 5))
+    throw std::invalid_argument("answer_within must be in (0, 5] s");
   // An edge may be one period late.
   if (kLeastPulse * one_shot < 2 / rate)
     throw std::invalid_argument(

@@ -19,6 +19,8 @@ struct HeartbeatSettings {
   double one_shot = 0.07;
   /// s, from the first edge until the relay has switched the amplifiers on.
   double pick_up = 0.05;
+  /// s. An instrument behind the line that has owed an answer for longer gets no further edge.
+  double answer_within = 0.15;
   void check() const;  // throws std::invalid_argument naming the setting
 };
 

@@ -15,7 +15,10 @@ namespace {
 
 // Period of the watch while the coils are energized: a fifth of the default dead-man time.
 constexpr Time kWatchPeriod = std::chrono::milliseconds(50);
-// Between two questions to an amplifier whose current is held: a set-point is a question too.
+// Between two looks at the amplifier's links, which need no question.
+constexpr Time kListenPeriod = std::chrono::milliseconds(5);
+// Between two questions to an amplifier whose current is held: a set-point is a question too. With
+// a heartbeat line, whose edges an answer that is owed withholds, at each turn of the watch.
 constexpr Time kAskPeriod = std::chrono::milliseconds(100);
 // s: set-points closer than this count as that far apart, or the slew of two at once is infinite.
 constexpr double kShortest = 1e-3;
@@ -322,11 +325,13 @@ void Interlock::watch() {
     clock_->wait(
         energized_changed_,
         [this] { return energized_ || rest_due_ || (line_ && line_->beating()); }, kForever);
-    clock_->sleep_for(kWatchPeriod);
+    const std::string hung_up = listen_for(kWatchPeriod);
     watched_at_ = clock_->now();
     warm_up();
     try {
-      if (energized_)
+      if (!hung_up.empty())
+        trip(Trip{hung_up, true});
+      else if (energized_)
         look();
       else if (rest_due_)
         report_rest();
@@ -337,6 +342,17 @@ void Interlock::watch() {
     }
     if (energized_) zero_since_ = clock_->now();
   }
+}
+
+/// Waits, and returns at once, with the reason, when a link of an amplifier that carries a current
+/// hangs up. What has tripped already is not told again.
+std::string Interlock::listen_for(Time period) {
+  for (Time waited{}; waited < period; waited += kListenPeriod) {
+    clock_->sleep_for(kListenPeriod);
+    if (!energized_ || !enabled_) continue;
+    if (std::string why = gone_text(amplifier_.link_state()); !why.empty()) return why;
+  }
+  return "";
 }
 
 /// For those who compare what flows with it.
@@ -430,7 +446,7 @@ std::string Interlock::fault() const {
 // its outputs, a cable may be pulled, and nothing else would ask.
 void Interlock::ask_amplifier() {
   const Time now = clock_->now();
-  if (now - std::max(sent_at_, asked_at_) < kAskPeriod) return;
+  if (now - std::max(sent_at_, asked_at_) < (line_ ? kWatchPeriod : kAskPeriod)) return;
   asked_at_ = now;
   std::optional<std::vector<double>> measured;
   try {
@@ -459,6 +475,7 @@ std::string Interlock::late_heartbeat() const {
 
 void Interlock::beat_on(EnableLine& line, const HeartbeatSettings& settings) {
   if (clock_ == nullptr) throw std::logic_error("a heartbeat line wants a clock");
+  answer_within_ = from_seconds(settings.answer_within);
   line_ = std::make_unique<HeartbeatLine>(
       line, settings, *clock_, [this] { return beat_forbidden(); },
       [this](const std::string& why) { trip_quietly(why); });
@@ -470,6 +487,11 @@ std::string Interlock::beat_forbidden() const {
   if (const std::string why = unmet(); !why.empty()) return "dead-man: " + why;
   if (!energized_) return "";
   if (const std::string late = late_heartbeat(); !late.empty()) return late;
+  const LinkState links = amplifier_.link_state();
+  if (const std::string gone = gone_text(links); !gone.empty()) return gone;
+  if (links.owed > answer_within_)
+    return fmt::format("the amplifier has owed an answer for {:.0f} ms",
+                       to_seconds(links.owed) * 1e3);
   if (clock_->now() - watched_at_ > kWatchStuck) return "the watch of the coils is stuck";
   return "";
 }

@@ -62,6 +62,7 @@ class Interlock : public CoilAmplifier {
   std::optional<std::vector<double>> measured_currents() override {
     return amplifier_.measured_currents();
   }
+  LinkState link_state() const override { return amplifier_.link_state(); }
   void make_safe() override;
   bool enabled() const { return enabled_; }
   /// Lets set-points through again; the outputs stay at zero until one comes.
@@ -145,6 +146,7 @@ class Interlock : public CoilAmplifier {
   std::string fault() const;
   void trip(const Trip& trip);
   void trip_quietly(const std::string& why);
+  std::string listen_for(Time period);
   void look();
   void ask_amplifier();
   std::string unmet() const;
@@ -180,6 +182,7 @@ class Interlock : public CoilAmplifier {
   CoilUse use_;
   Time watched_at_{};                     // the watch's last turn
   std::unique_ptr<HeartbeatLine> line_;   // null: none
+  Time answer_within_{};                  // where there is a line
   std::unique_ptr<CurrentWatch> sensed_;  // null: none
   std::unique_ptr<Task> watch_;
 };

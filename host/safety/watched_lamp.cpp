@@ -3,6 +3,8 @@
 
 #include "devices/time/error.h"
 
+#include <fmt/format.h>
+
 #include <stdexcept>
 #include <utility>
 
@@ -12,6 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Time kTurn = 50ms;         // of the watch
+constexpr Time kListenPeriod = 5ms;  // between two looks at the lamp's link
 constexpr Time kAskPeriod = 150ms;   // between two questions to a lamp that burns
 constexpr Time kWatchStuck = 250ms;  // without a turn no edge is given
 constexpr Time kRest = 2s;           // of darkness, after which the line rests
@@ -26,6 +29,7 @@ WatchedLamp::WatchedLamp(Lamp& lamp, Clock& clock, std::function<void(const std:
 void WatchedLamp::beat(const HeartbeatSettings& settings) {
   EnableLine* const line = lamp_.enable_line();
   if (line == nullptr) throw std::logic_error("a heartbeat wants a line");
+  answer_within_ = from_seconds(settings.answer_within);
   line_ = std::make_unique<HeartbeatLine>(
       *line, settings, clock_, [this] { return beat_forbidden(); },
       [this](const std::string& why) { fail(why); });
@@ -73,21 +77,40 @@ void WatchedLamp::make_safe() {
 
 /// Asked at each edge.
 std::string WatchedLamp::beat_forbidden() const {
-  return lit_ && clock_.now() - watched_at_ > kWatchStuck ? "the watch of the lamp is stuck" : "";
+  if (!lit_) return "";
+  if (clock_.now() - watched_at_ > kWatchStuck) return "the watch of the lamp is stuck";
+  const LinkState link = lamp_.link_state();
+  if (std::string gone = gone_text(link); !gone.empty()) return gone;
+  if (link.owed <= answer_within_) return "";
+  return fmt::format("it has owed an answer for {:.0f} ms", to_seconds(link.owed) * 1e3);
 }
 
 void WatchedLamp::watch() {
   while (true) {
     clock_.wait(
         changed_, [this] { return lit_ || (line_ && line_->beating()); }, kForever);
-    clock_.sleep_for(kTurn);
+    const std::string hung_up = listen_for(kTurn);
     watched_at_ = clock_.now();
     try {
-      look();
+      if (!hung_up.empty())
+        fail(hung_up);
+      else
+        look();
     } catch (const DeviceError&) {
       // The line's: without edges any level is off. The next turn tries again.
     }
   }
+}
+
+/// Waits, and returns at once, with the reason, when the link of a lamp that burns hangs up. What
+/// has failed already is not told again.
+std::string WatchedLamp::listen_for(Time period) {
+  for (Time waited{}; waited < period; waited += kListenPeriod) {
+    clock_.sleep_for(kListenPeriod);
+    if (!lit_ || !told_.empty()) continue;
+    if (std::string why = gone_text(lamp_.link_state()); !why.empty()) return why;
+  }
+  return "";
 }
 
 void WatchedLamp::look() {

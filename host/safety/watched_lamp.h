@@ -27,11 +27,13 @@ class WatchedLamp final : public Lamp {
   void set_level(double level) override;
   double level() const override { return lamp_.level(); }
   void ask() override { lamp_.ask(); }
+  LinkState link_state() const override { return lamp_.link_state(); }
   void make_safe() override;
   EnableLine* enable_line() override { return lamp_.enable_line(); }
 
  private:
   void watch();
+  std::string listen_for(Time period);
   void look();
   void start_beat();
   void fail(const std::string& why);
@@ -48,6 +50,7 @@ class WatchedLamp final : public Lamp {
   Time watched_at_{};  // the watch's last turn
   Signal changed_;
   std::unique_ptr<HeartbeatLine> line_;  // null: none
+  Time answer_within_{};                 // where there is one
   std::unique_ptr<Task> watch_;          // last: it uses the others
 };
 

@@ -220,8 +220,10 @@ class AcmGadget:
 
     def _open(self):
         self.node = os.open(wait_for("/dev/ttyGS0"), os.O_RDWR | os.O_NONBLOCK | os.O_NOCTTY)
-        tty.setraw(self.node)  # with echo the two ends would talk for ever
+        # With echo the two ends would talk for ever. At once: what was not sent before a reset is sent when the host has
+        # opened its end again, and to wait for that is to wait for ever.
         termios.tcflush(self.node, termios.TCIOFLUSH)
+        tty.setraw(self.node, termios.TCSANOW)
 
     def unplug(self):
         """The cable is out."""

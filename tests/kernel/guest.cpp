@@ -324,8 +324,8 @@ std::string Bop::rig() const {
 double Bop::level() { return std::abs(supply_->state("current").get<double>()); }
 
 void wait_for_node(const fs::path& node) {
-  if (!time_until(5s, [&] { return fs::exists(node); }))
-    throw std::runtime_error(node.string() + " has not come within 5 s");
+  if (!time_until(20s, [&] { return fs::exists(node); }))
+    throw std::runtime_error(node.string() + " has not come within 20 s");
   run({"chmod", "0666", node});
 }
 
@@ -409,7 +409,7 @@ pid_t Host::guardian() const {
 }
 
 void Host::energize() {
-  time_until(40s, [&] { return amplifier_.energized() || !lives(); });
+  time_until(100s, [&] { return amplifier_.energized() || !lives(); });
   if (!amplifier_.energized()) throw std::runtime_error("nothing flows: " + said());
 }
 

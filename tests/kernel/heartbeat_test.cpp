@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
+#include <limits>
 #include <thread>
 #include <unistd.h>
 
@@ -51,17 +52,20 @@ class Heartbeat : public ::testing::Test {
   }
   /// Behind the event: prints when the relay opened; fails where it did not within `bound` ms, or
   /// closed again.
-  void expect_off(const char* what, double bound) {
+  void expect_off(const char* what, double bound) { EXPECT_LT(off_after(what), bound) << what; }
+  /// ms; infinite where it did not open, which fails, as does one that closed again.
+  double off_after(const char* what) {
     time_until(3s, [&] { return !line().state("amplifiers").get<bool>(); });
     std::this_thread::sleep_for(1s);
     const Relay seen = relay();
-    ASSERT_TRUE(seen.opened) << what << ": the amplifiers stay on; " << host->said();
+    EXPECT_TRUE(seen.opened) << what << ": the amplifiers stay on; " << host->said();
+    if (!seen.opened) return std::numeric_limits<double>::infinity();
     const double off = (*seen.opened - began) * 1e3;
     row("%s: off after %.0f ms (%.0f ms after the last edge); set to %.2f %s then", what, off,
         (*seen.opened - seen.last_edge) * 1e3, level(), unit());
-    EXPECT_LT(off, bound) << what;
     EXPECT_EQ(seen.closed_again, 0) << what << ": on again; " << host->said();
     EXPECT_EQ(amplifier->output(), 0);
+    return off;
   }
   virtual const char* unit() const { return "V"; }
   double level() { return amplifier->level(); }
@@ -170,20 +174,22 @@ TEST_F(HeartbeatBopGuest, HostFrozen) { host_frozen(); }
 TEST_F(HeartbeatBopGuest, GuardianKilledAndTheHostBeforeItNotices) { both_killed(); }
 TEST_F(HeartbeatBopGuest, ControlGroupKilled) { control_group_killed(); }
 TEST_F(HeartbeatBopGuest, CableOfTheSupplyOutAndIn) {
-  // The line beats on until the supply is asked, at most 150 ms later.
-  cable_out_and_in(amplifier->instrument(), "the supply's cable out", 150 + kGoal);
+  cable_out_and_in(amplifier->instrument(), "the supply's cable out", kGoal);
 }
 TEST_F(HeartbeatBopGuest, CableOfTheLineOutAndIn) {
   cable_out_and_in(amplifier->line(), "the line's cable out", kGoal);
 }
 
 /// Outside of the machine, whose time is then the computer's, with whatever else this one does
-/// meanwhile: where it cannot keep the beat, a slower one with a longer pulse is judged.
+/// meanwhile: where it cannot keep the beat, or was so late to stand still that the time says
+/// nothing, a slower beat with a longer pulse is judged. That the edges end, and stay ended, is
+/// judged always.
 class HeartbeatOutside : public Heartbeat {
  protected:
   static constexpr Beat kSlow{10, 0.5, 0.015, 0.6};
-  /// ms: the pulse, and what comes before the last edge.
-  double bound() const { return slow ? 800 : 300; }
+  /// ms: the pulse, and what comes before the last edge; a computer that cannot keep 50 Hz may take
+  /// its time for that.
+  double bound() const { return slow ? 2500 : 300; }
   virtual std::unique_ptr<Amplifier> wired(const Beat& beat) = 0;
   void energize(const std::function<void()>& prepare = {}) override {
     for (int i = 1;; ++i) try {
@@ -211,6 +217,22 @@ class HeartbeatOutside : public Heartbeat {
     EXPECT_EQ(relay().closed_again, 0) << "on again; " << host->said();
   }
 
+  /// `away` makes the machine stand still for a while.
+  void expect_off_while(const char* what, const std::function<void()>& away) {
+    for (;;) {
+      energize();
+      away();
+      const double off = off_after(what);
+      expect_trip();
+      if (slow || off < bound()) {
+        EXPECT_LT(off, bound()) << what;
+        return;
+      }
+      host.reset();
+      slow = true;
+    }
+  }
+
   void frozen_as_for_sleep();
   void sleep();
   void panic();
@@ -219,26 +241,24 @@ class HeartbeatOutside : public Heartbeat {
 };
 
 void HeartbeatOutside::frozen_as_for_sleep() {
-  write_text("/sys/module/suspend/parameters/pm_test_delay", "2");
-  write_text("/sys/power/pm_test", "devices");
-  energize();
-  const auto asleep = Steady::now();
-  write_text("/sys/power/state", "freeze");
-  EXPECT_GT(Steady::now() - asleep, 1500ms) << "it did not freeze";
-  write_text("/sys/power/pm_test", "none");
-  expect_off("all of user space frozen", bound());
-  expect_trip();
+  expect_off_while("all of user space frozen", [] {
+    write_text("/sys/module/suspend/parameters/pm_test_delay", "2");
+    write_text("/sys/power/pm_test", "devices");
+    const auto asleep = Steady::now();
+    write_text("/sys/power/state", "freeze");
+    EXPECT_GT(Steady::now() - asleep, 1500ms) << "it did not freeze";
+    write_text("/sys/power/pm_test", "none");
+  });
 }
 
 void HeartbeatOutside::sleep() {
-  energize();
-  write_text("/sys/class/rtc/rtc0/wakealarm", "+4");
-  write_text("/sys/power/state", "mem");
-  const double awake = now();
-  EXPECT_GT(awake - began, 2) << "it did not sleep";
-  expect_off("sleep (S3)", bound());
-  expect_trip();
-  row("asleep for %.1f s", awake - began);
+  expect_off_while("sleep (S3)", [this] {
+    write_text("/sys/class/rtc/rtc0/wakealarm", "+4");
+    write_text("/sys/power/state", "mem");
+    const double awake = now();
+    EXPECT_GT(awake - began, 2) << "it did not sleep";
+    row("asleep for %.1f s", awake - began);
+  });
 }
 
 /// The last one: run.py judges it.

@@ -21,7 +21,7 @@ EARLY = ["virtio_pci", "virtio_blk", "virtio_console", "crc32c_generic", "ext4"]
 # On the disk, loaded by the case that needs them.
 LATER = [
     "usbhid", "hid-generic", "hid-logitech", "uhid", "dummy_hcd", "libcomposite", "usb_f_hid", "usb_f_acm", "cdc-acm", "xhci-pci", "vivid",
-    "vhci-hcd", "ftdi_sio",
+    "vhci-hcd", "ftdi_sio", "uvcvideo",
 ]
 KERNEL_PARTS = ["./boot/vmlinuz*", "./lib/modules/*/kernel/*", "./lib/modules/*/modules.*"]
 LEFT_OUT = ["gpu", "net", "infiniband", "scsi", "staging", "iio", "sound", "nvme", "md", "target", "hwmon"]

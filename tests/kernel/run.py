@@ -154,12 +154,12 @@ class Guest:
 
 
 def wait_for_panic(guest, case):
-    """Whether the machine's kernel has panicked within 20 s."""
+    """Whether the machine's kernel has panicked within 60 s."""
     began = time.monotonic()
     while "Kernel panic" not in guest.console():
-        if guest.left is None or time.monotonic() - began > 20:
+        if guest.left is None or time.monotonic() - began > 60:
             case.verdict = FAILED
-            case.said.append("no panic within 20 s")
+            case.said.append("no panic within 60 s")
             return False
         time.sleep(0.01)
     return True
@@ -242,7 +242,7 @@ PANIC = {group: 0 for group in PANICKING}  # the kernel stands still for ever, a
 # Resume from S3 resets a machine that was started from the bare ELF file.
 COMPRESSED = {"SleepGuest", "BopOutsideGuest", "HeartbeatOutsideGuest", "HeartbeatBopOutsideGuest"}
 # Suites that share the machine of another one: starting one costs as much as several cases.
-WITH = {"HeartbeatGuest": ["HeartbeatLampGuest"], "Usb3103Guest": ["SerialGuest", "OperatorGuest"]}
+WITH = {"HeartbeatGuest": ["HeartbeatLampGuest"], "HeartbeatBopGuest": ["ModemLinesGuest"], "CameraGuest": ["UvcGuest"], "Usb3103Guest": ["SerialGuest", "OperatorGuest"]}
 # The longest.
 FIRST = ["RescueUsb3103Guest", "RescueBopGuest", "RescueLampGuest", "HeartbeatBopOutsideGuest", "HeartbeatOutsideGuest", "BopOutsideGuest",
          "SleepGuest", "HeartbeatGuest", "HeartbeatBopGuest"]

@@ -46,23 +46,27 @@ TEST_F(TicGuest, MovesTheCarriageAndIsLostWithItsCable) {
   lens->move_to(1e-3, from_seconds(10));
   EXPECT_NEAR(position(), 1600, 1);  // 1 mm in steps of 5 um, eight microsteps each
   EXPECT_NEAR(lens->position(), 1e-3, 1e-6);
+  // Counted from the moment at which it is out: the time of the order is this machine's.
+  Steady::time_point out;
   std::thread puller([&] {
     std::this_thread::sleep_for(300ms);
     device.unplug();
+    out = Steady::now();
   });
   std::string said;
-  const auto began = Steady::now();
+  Steady::time_point told;
   try {
     lens->move_to(9e-3, from_seconds(10));  // 1.7 s
   } catch (const DeviceError& error) {
     said = error.what();
+    told = Steady::now();
     EXPECT_EQ(error.kind, DeviceErrorKind::lost) << said;
   }
-  const double took = Milliseconds(Steady::now() - began).count() - 300;
   puller.join();
+  const double took = Milliseconds(told - out).count();
   row("cable out in a move: \"%s\" after %.0f ms", said.c_str(), took);
   EXPECT_FALSE(said.empty());
-  EXPECT_LT(took, 300);
+  EXPECT_LT(took, 500);  // docs/instruments.md, "Common rules"
   // Its own command timeout ends the motion: docs/instruments.md.
   std::this_thread::sleep_for(1500ms);
   EXPECT_EQ(device.state("velocity").get<double>(), 0);

@@ -19,17 +19,18 @@ class UsbDevice:
         self.double, self.described = double, described
         self.hid = isinstance(double, HidDouble)
         self.bulk = hasattr(type(double), "bulk_in")
+        self.own = hasattr(type(double), "configuration")  # it tells its whole configuration itself
         self.ends = {}  # address: type
         if self.hid:
             self.ends = {HID_IN: INTERRUPT_TYPE, HID_OUT: INTERRUPT_TYPE}
-        elif self.bulk:
+        elif self.bulk and not self.own:
             self.ends = {double.BULK_IN: BULK_TYPE, double.BULK_OUT: BULK_TYPE}
         self.interface = 3 if self.hid else 0xFF  # bInterfaceClass: HID, or the vendor's own
         self.firmware = getattr(double, "firmware", 0x0100)
 
     def transfer(self, kind, request, value, index, length, sent, now):
         """A control transfer: (bytes moved or negative errno, data of an IN transfer)."""
-        if kind & 0x60 == 0x40:  # the maker's own
+        if kind & 0x60 == 0x40 or self.own and kind & 0x60 == 0x20:  # the maker's own, or the class'
             if kind & 0x80:
                 return self.double.control(kind, request, value, index, length, now)
             return self.double.control(kind, request, value, index, sent, now), b""
@@ -50,6 +51,8 @@ class UsbDevice:
         if kind == 1:
             return struct.pack("<BBHBBBBHHHBBBB", 18, 1, 0x0200, 0, 0, 0, 64, self.double.VENDOR, self.double.PRODUCT,
                                self.firmware, 1, 2, 3, 1)
+        if kind == 2 and self.own:
+            return self.double.configuration
         if kind == 2:
             rest = struct.pack("<BBBBBBBBB", 9, 4, 0, 0, len(self.ends), self.interface, 0, 0, 0)
             if self.hid:

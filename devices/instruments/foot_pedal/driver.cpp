@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/foot_pedal/driver.h"
 
+#include "devices/links/printable.h"
 #include "devices/time/error.h"
 
 #include <stdexcept>
@@ -22,7 +23,8 @@ class FootPedal final : public OperatorInput {
     return "foot switch with " + std::to_string(settings_.layout.pedals.size()) + " pedals";
   }
   // Reads whatever has come since the last call: the newest report counts, and older ones are only
-  // needed to empty the queue.
+  // needed to empty the queue. One that the layout does not know leaves no pedal held: it may have
+  // been the release.
   OperatorState state() override {
     if (lost_)
       throw DeviceError(DeviceErrorKind::lost, settings_.name, "it was unplugged; open it again");
@@ -30,12 +32,18 @@ class FootPedal final : public OperatorInput {
       for (int i = 0; i < kMostReports; ++i) {
         const auto report = link_->read(Time::zero());
         if (!report) break;
-        if (const auto down = decode(*report, settings_.layout)) state_.pressed = *down;
+        const auto down = decode(*report, settings_.layout);
+        state_.pressed = down.value_or(0);
+        unknown_ = down ? "" : printable(*report);
       }
     } catch (const DeviceError& error) {
       lost_ = true;  // its last state is void: it may come back released
       throw renamed(error, settings_.name);
     }
+    if (!unknown_.empty())
+      throw DeviceError(
+          DeviceErrorKind::protocol, settings_.name,
+          "a report that its layout does not know, \"" + unknown_ + "\": is it another pedal?");
     return state_;
   }
 
@@ -43,6 +51,7 @@ class FootPedal final : public OperatorInput {
   std::unique_ptr<HidLink> link_;
   const Settings settings_;
   OperatorState state_;
+  std::string unknown_;  // the newest report, where it is not understood
   bool lost_ = false;
 };
 

@@ -53,7 +53,8 @@ class Supply {
   void be_open();
   void send_current(double current);
   double take_measured();
-  double measure();
+  void ask_measured() { send("MEAS:CURR?"); }
+  double take_asked();
   // The set-point is asked back: what counts is that the supply has taken the zero.
   void zero() {
     expect_number("CURR 0;:CURR?", 0);
@@ -63,6 +64,12 @@ class Supply {
   void switch_off() { ask("OUTP OFF;:OUTP?"); }
   const Identity& identity() const { return identity_; }
   bool lost() const { return dialogue_.lost(); }
+  LinkState link_state() const {
+    return {dialogue_.hung_up()
+                ? "channel " + std::to_string(channel_) + ", " + dialogue_.description()
+                : "",
+            asked_ ? clock().now() - *asked_ : Time::zero()};
+  }
   Dialogue& dialogue() { return dialogue_; }
   int channel() const { return channel_; }
   /// Whether it is known to be a BOP: nothing but *IDN? is sent to anything else.
@@ -101,6 +108,7 @@ class Supply {
   Zero zero_ = Zero::none;
   // An answer to an older question may still come.
   bool unsure_ = true;
+  std::optional<Time> asked_;  // the question whose answer is owed
   // What was set within the settling time, and the last before.
   std::deque<Set> lately_;
 };
@@ -116,6 +124,7 @@ void Supply::send(const std::string& line) {
   dialogue_.discard();
   unsure_ = true;
   dialogue_.send(line + "\n");
+  asked_ = clock().now();
 }
 
 /// The next line that is not empty: on a serial port set commands are answered by an empty one
@@ -127,6 +136,7 @@ std::string Supply::answer() {
     std::string line = answer_in(dialogue_.line('\n', kMaxAnswer, deadline));
     if (line.empty()) continue;
     unsure_ = false;
+    asked_.reset();
     return line;
   }
 }
@@ -190,7 +200,9 @@ void Supply::configure() {
   expect_number("CURR 0;:CURR?", 0);
   // The zero once more: in voltage mode the one above was not the set point.
   const std::string mode = ask("FUNC:MODE CURR;:FUNC:MODE?");
-  if (mode != "1" && mode != "CURR") fail(DeviceErrorKind::refused, "it stays in voltage mode");
+  if (mode == "0" || mode == "VOLT") fail(DeviceErrorKind::refused, "it stays in voltage mode");
+  if (mode != "1" && mode != "CURR")
+    fail(DeviceErrorKind::protocol, "its mode is none that is known: " + printable(mode));
   expect_number("CURR 0;:CURR?", 0);
   zero_ = Zero::confirmed;
   if (is_bit_card(*who)) {
@@ -255,8 +267,8 @@ double Supply::take_measured() {
   return measured->current;
 }
 
-double Supply::measure() {
-  const std::string said = ask("MEAS:CURR?");
+double Supply::take_asked() {
+  const std::string said = answer();
   const auto current = scpi::number(said);
   if (!current) fail(DeviceErrorKind::protocol, "its current is no number: " + printable(said));
   return *current;
@@ -307,9 +319,19 @@ class Bops final : public CoilAmplifier {
   void set_currents(std::span<const double> currents) override;
   std::optional<std::vector<double>> measured_currents() override {
     const Dialogue::Turn turn(supplies_.front()->dialogue());
-    std::vector<double> measured;
-    for (const auto& supply : supplies_) measured.push_back(supply->measure());
+    std::vector<double> measured(supplies_.size());
+    side_by_side([](Supply& supply, std::size_t) { supply.ask_measured(); },
+                 [&](Supply& supply, std::size_t i) { measured[i] = supply.take_asked(); });
     return measured;
+  }
+  LinkState link_state() const override {
+    LinkState all;
+    for (const auto& supply : supplies_) {
+      const LinkState one = supply->link_state();
+      if (all.hung_up.empty()) all.hung_up = one.hung_up;
+      all.owed = std::max(all.owed, one.owed);
+    }
+    return all;
   }
   void make_safe() override {
     ++orders_;
@@ -329,6 +351,8 @@ class Bops final : public CoilAmplifier {
   void open_all();
   [[noreturn]] void give_up(const Supply& first, const DeviceError& failure);
   void check(std::span<const double> currents) const;
+  template <class Ask, class Take>
+  void side_by_side(const Ask& ask, const Take& take);
   void step(const std::vector<double>& currents);
   void zero_all(bool open_lost);
 
@@ -394,28 +418,38 @@ void Bops::check(std::span<const double> currents) const {
                             " is beyond the limit of " + in_short(settings_.current_limit) + " A");
 }
 
-/// All set-points are sent before any answer is read: the channels step together but for the time
-/// of a line. A channel that fails does not keep the others from their set-points.
-void Bops::step(const std::vector<double>& currents) {
+/// All questions are sent before any answer is read: eight take as long as one. A supply that fails
+/// keeps the others neither from their question nor from their answer; the first error counts.
+template <class Ask, class Take>
+void Bops::side_by_side(const Ask& ask, const Take& take) {
   std::exception_ptr failure;
-  std::vector<bool> sent(supplies_.size());
+  std::vector<bool> asked(supplies_.size());
   for (std::size_t i = 0; i < supplies_.size(); ++i) {
     try {
-      currents_[i] = currents[i];  // from here on it may flow
-      supplies_[i]->send_current(currents[i]);
-      sent[i] = true;
+      ask(*supplies_[i], i);
+      asked[i] = true;
     } catch (const DeviceError&) {
       if (!failure) failure = std::current_exception();
     }
   }
   for (std::size_t i = 0; i < supplies_.size(); ++i) {
     try {
-      if (sent[i]) supplies_[i]->take_measured();
+      if (asked[i]) take(*supplies_[i], i);
     } catch (const DeviceError&) {
       if (!failure) failure = std::current_exception();
     }
   }
   if (failure) std::rethrow_exception(failure);
+}
+
+/// The channels step together but for the time of a line.
+void Bops::step(const std::vector<double>& currents) {
+  side_by_side(
+      [&](Supply& supply, std::size_t i) {
+        currents_[i] = currents[i];  // from here on it may flow
+        supply.send_current(currents[i]);
+      },
+      [](Supply& supply, std::size_t) { supply.take_measured(); });
 }
 
 /// A ramp of n = ceil(max |dI| / (max_slope step_time)) set-points, linear in each channel, which

@@ -34,6 +34,7 @@ class LedLamp final : public Lamp {
   }
   double level() const override { return level_; }
   void ask() override { outputs_->measured_currents(); }
+  LinkState link_state() const override { return outputs_->link_state(); }
   void make_safe() override {
     outputs_->make_safe();
     level_ = 0;

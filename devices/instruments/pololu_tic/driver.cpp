@@ -2,6 +2,7 @@
 #include "devices/instruments/pololu_tic/driver.h"
 
 #include "devices/instruments/pololu_tic/wire.h"
+#include "devices/links/printable.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
@@ -176,14 +177,19 @@ std::vector<std::uint8_t> Tic::read(const Read& what) const {
   auto bytes = on_link([&] {
     return link_->read(encode(what), what.length, from_seconds(settings_.transfer_timeout));
   });
-  if (bytes.size() != what.length) fail(DeviceErrorKind::protocol, "an answer is cut short");
+  if (bytes.size() != what.length)
+    fail(DeviceErrorKind::protocol, "an answer of " + std::to_string(what.length) +
+                                        " bytes is cut short: \"" + printable(bytes) + '"');
   return bytes;
 }
 
 // One transfer, so that position, velocity and state are of one moment.
 Variables Tic::read_variables() const {
-  const auto variables = decode_variables(read({Code::get_variable, 0, kVariablesSize}));
-  if (!variables) fail(DeviceErrorKind::protocol, "its variables make no sense");
+  const auto bytes = read({Code::get_variable, 0, kVariablesSize});
+  const auto variables = decode_variables(bytes);
+  if (!variables)
+    fail(DeviceErrorKind::protocol,
+         "its variables make no sense: \"" + printable(bytes, kVariablesSize) + '"');
   return *variables;
 }
 

@@ -2,6 +2,7 @@
 #include "devices/instruments/usb3103/driver.h"
 
 #include "devices/instruments/usb3103/wire.h"
+#include "devices/links/printable.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
@@ -56,6 +57,9 @@ class Usb3103 final : public CoilAmplifier {
     ask_status();
     return std::nullopt;
   }
+  LinkState link_state() const override {
+    return {link_->hung_up() ? "the USB-3103" : "", asked_ ? clock_.now() - *asked_ : Time::zero()};
+  }
   void make_safe() override;
   EnableLine* enable_line() override { return settings_.heartbeat ? &line_ : nullptr; }
 
@@ -103,8 +107,8 @@ class Usb3103 final : public CoilAmplifier {
   std::unique_ptr<HidLink> link_;
   const Settings settings_;
   Clock& clock_;
-  std::uint64_t orders_ = 0;  // calls of make_safe(), which overtake a set point
-  bool asked_ = false;        // an answer is waited for: another question would take it
+  std::uint64_t orders_ = 0;   // calls of make_safe(), which overtake a set point
+  std::optional<Time> asked_;  // an answer is waited for: another question would take it
   Signal answered_;
   std::array<Calibration, kChannels> calibration_{};
   std::array<double, kChannels> currents_{};  // A
@@ -162,11 +166,11 @@ std::optional<Report> Usb3103::read(Time timeout) {
 Report Usb3103::ask(const Command& command) {
   clock_.wait(
       answered_, [this] { return !asked_; }, kForever);
-  asked_ = true;
+  asked_ = clock_.now();
   struct Answered {
     Usb3103& device;
     ~Answered() {
-      device.asked_ = false;
+      device.asked_.reset();
       device.clock_.notify(device.answered_);
     }
   } const answered{*this};
@@ -176,19 +180,24 @@ Report Usb3103::ask(const Command& command) {
   const std::uint8_t id = encode(command).front();
   const Time deadline = later(clock_.now(), from_seconds(settings_.reply_timeout));
   int foreign = 0;
+  Report last;
   for (; foreign < kForeignReports; ++foreign) {
     auto report = read(deadline - clock_.now());
     if (!report) break;
     if (!report->empty() && report->front() == id) return *std::move(report);
+    last = *std::move(report);
   }
   const std::string within = " within " + in_short(settings_.reply_timeout) + " s";
   if (foreign == 0) fail(DeviceErrorKind::timeout, "no answer" + within);
-  fail(DeviceErrorKind::protocol, "only answers to something else" + within);
+  fail(DeviceErrorKind::protocol,
+       "only answers to something else" + within + ": \"" + printable(last) + '"');
 }
 
 Status Usb3103::ask_status() {
-  const auto status = decode_status(ask(GetStatus{}));
-  if (!status) fail(DeviceErrorKind::protocol, "its status is cut short");
+  const Report report = ask(GetStatus{});
+  const auto status = decode_status(report);
+  if (!status)
+    fail(DeviceErrorKind::protocol, "its status is cut short: \"" + printable(report) + '"');
   return *status;
 }
 
@@ -215,9 +224,10 @@ void Usb3103::become_master() {
 /// Per channel two little-endian floats in flash: counts = slope k + offset.
 void Usb3103::read_calibration() {
   for (int channel = 0; channel < kChannels; ++channel) {
-    const auto calibration =
-        decode_calibration(ask(MemoryRead{calibration_address(channel), kCalibrationSize}));
-    if (!calibration) fail(DeviceErrorKind::protocol, "its calibration is cut short");
+    const Report report = ask(MemoryRead{calibration_address(channel), kCalibrationSize});
+    const auto calibration = decode_calibration(report);
+    if (!calibration)
+      fail(DeviceErrorKind::protocol, "its calibration is cut short: \"" + printable(report) + '"');
     // An erased flash reads as NaN (all bits set): such a device is used as if it were ideal.
     calibration_[channel] = calibration->plausible() ? *calibration : Calibration{};
   }

@@ -97,6 +97,29 @@ TEST_F(RealLink, IsLostWithinHalfASecondOfAConnectionsEnd) {
   expect_hanging_up_is_noticed(end);
 }
 
+// Nothing is sent and nothing is waited for: how a current that is held is listened to.
+TEST_F(RealLink, ShowsWithoutAByteThatTheOtherEndWent) {
+  for (auto open_end : {+[] { return open_pty_end(); }, +[] { return open_tcp_end(); }}) {
+    RealEnd end(peer, open_end());
+    const auto link = open(end.address());
+    EXPECT_FALSE(link->hung_up()) << end.address();
+    link->write(bytes("xy"), 1s);
+    EXPECT_EQ(take(*link, 1), bytes("x"));
+    clock->sleep_for(10ms);
+    EXPECT_FALSE(link->hung_up()) << "something is there to be read: " << end.address();
+    end.hang_up();
+    const Time before = clock->now();
+    while (!link->hung_up() && clock->now() - before < 1s) clock->sleep_for(1ms);
+    EXPECT_LT(clock->now() - before, 10ms) << end.address();
+    EXPECT_EQ(kind_of([&] {
+                while (!link->read(1, 1s).empty()) {
+                }
+              }),
+              DeviceErrorKind::lost);
+    EXPECT_TRUE(link->hung_up()) << "it is closed: " << end.address();
+  }
+}
+
 TEST_F(RealLink, NoticesWhenItWritesThatTheOtherEndWentMeanwhile) {
   for (auto open_end : {+[] { return open_pty_end(); }, +[] { return open_tcp_end(); }}) {
     RealEnd end(peer, open_end());

@@ -20,10 +20,13 @@
 #include <atomic>
 #include <csignal>
 #include <cstdlib>
+#include <cstring>
 #include <future>
 #include <iterator>
 #include <sys/resource.h>
 #include <unistd.h>
+#include <utility>
+#include <vector>
 
 namespace vitreo {
 namespace {
@@ -174,6 +177,36 @@ TEST(RecordWriter, KeepsAllBitsOfAFrameThatHasMoreThanEight) {
   const cv::Mat kept = read_frame(data, data.frames[0]);
   ASSERT_EQ(kept.type(), CV_16UC1);
   EXPECT_EQ(cv::norm(kept, frame.deep, cv::NORM_INF), 0);
+  const auto stack = recorder.folder() / "frames/top_camera";
+  const auto entries = read_ndtiff_index(stack);
+  ASSERT_EQ(entries.size(), 1U);
+  EXPECT_EQ(entries[0].bits, 12);
+  EXPECT_EQ(read_ndtiff_metadata(stack, entries[0])["BitDepth"], 12);
+}
+
+// The numbers are NDStorage's own (IndexEntryData): its readers, and so Micro-Manager, take the
+// range of gray from them.
+TEST(Ndtiff, TellsInItsIndexHowManyOfSixteenBitsCount) {
+  TemporaryFolder parent;
+  const auto folder = parent.path() / "stack";
+  NdtiffWriter writer(folder, "cam", {});
+  const std::vector<std::pair<int, std::uint32_t>> bits_and_numbers = {
+      {10, 3}, {12, 4}, {14, 5}, {16, 1}, {11, 1}};
+  for (const auto& [bits, number] : bits_and_numbers) {
+    writer.write({{"time", 0}}, noise(8, 8, CV_16UC1, 1), {}, bits);
+    const std::string index = test::read_file(folder / "NDTiff.index");
+    std::uint32_t told = 0;  // the fourth of the eight numbers at the end of an entry
+    std::memcpy(&told, index.data() + index.size() - 20, sizeof told);
+    EXPECT_EQ(told, number) << bits << " bits";
+  }
+  writer.write({{"time", 0}}, noise(8, 8, CV_8UC1, 1), {}, 12);
+  EXPECT_EQ(read_ndtiff_index(folder).back().pixel_type, 0) << "8 bits have no others";
+  const auto entries = read_ndtiff_index(folder);
+  for (std::size_t i = 0; i < bits_and_numbers.size(); ++i) {
+    EXPECT_EQ(entries[i].pixel_type, 1);
+    EXPECT_EQ(entries[i].bits, bits_and_numbers[i].second == 1 ? 0 : bits_and_numbers[i].first);
+    EXPECT_EQ(cv::norm(read_ndtiff_image(folder, entries[i]), noise(8, 8, CV_16UC1, 1)), 0);
+  }
 }
 
 TEST(RecordWriter, DropsFramesInRealTimeCountsThemAndRaisesAnAlarm) {

@@ -58,12 +58,14 @@ class Amplifier : public CoilAmplifier {
   }
   std::vector<double> currents() const override { return set; }
   std::optional<std::vector<double>> measured_currents() override { return std::nullopt; }
+  LinkState link_state() const override { return links; }
   void make_safe() override {
     if (deaf) throw DeviceError(DeviceErrorKind::lost, "coils", "unplugged");
     set.assign(2, 0);
   }
   double flows() { return line_.on() ? set[0] : 0; }
   std::vector<double> set{0, 0};
+  LinkState links;
   bool deaf = false;
   bool stepped_while_off = false;
 
@@ -190,6 +192,43 @@ TEST_F(HeartbeatLineTest, AnEmergencyStopStopsItWhateverTheAmplifierDoes) {
   const auto off = off_after();
   ASSERT_TRUE(off);
   EXPECT_LE(*off, 70 + 2);
+}
+
+// The goal of the whole: off within 100 ms of a supply's own cable, at whatever moment, with a
+// relay that takes 15 ms to open.
+TEST_F(HeartbeatLineTest, TheNextEdgeDoesNotComeWhenTheAmplifiersLinkHangsUp) {
+  for (int trial = 0; trial < 20; ++trial) {
+    amplifier.links = {};
+    amplifier.deaf = false;
+    interlock->enable();
+    interlock->set_currents(kOne);
+    clock->sleep_for(200ms + trial * 1700us);
+    const std::size_t edges = line.edges.size();
+    amplifier.links.hung_up = "channel 2, serial:/dev/ttyUSB1";
+    amplifier.deaf = true;
+    const auto off = off_after();
+    ASSERT_TRUE(off);
+    EXPECT_LE(*off, 70 + 15) << trial;
+    EXPECT_EQ(line.edges.size(), edges);
+    EXPECT_TRUE(tripped_for("channel 2, serial:/dev/ttyUSB1 has hung up")) << trips.back();
+    amplifier.deaf = false;
+    interlock->make_safe();
+  }
+}
+
+// A network cable that is out hangs nothing up: the supply falls silent.
+TEST_F(HeartbeatLineTest, AnAnswerThatIsOwedForTooLongWithholdsTheEdges) {
+  interlock->set_currents(kOne);
+  clock->sleep_for(200ms);
+  amplifier.links.owed = 140ms;
+  clock->sleep_for(300ms);
+  EXPECT_TRUE(trips.empty()) << "a slow answer";
+  amplifier.links.owed = 151ms;
+  amplifier.deaf = true;
+  const auto off = off_after();
+  ASSERT_TRUE(off);
+  EXPECT_LE(*off, 20 + 70 + 2);
+  EXPECT_TRUE(tripped_for("has owed an answer for 151 ms"));
 }
 
 // The relay opens while the program is held up: what is held must not come back with the next edge.

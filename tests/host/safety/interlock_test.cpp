@@ -24,6 +24,7 @@ class FakeAmplifier : public CoilAmplifier {
     set.assign(currents.begin(), currents.end());
   }
   std::vector<double> currents() const override { return set; }
+  LinkState link_state() const override { return links; }
   std::optional<std::vector<double>> measured_currents() override {
     ++asked;
     return measure ? measure(set) : std::nullopt;
@@ -35,6 +36,7 @@ class FakeAmplifier : public CoilAmplifier {
   /// What flows for what is set; without it nothing is measured.
   std::function<std::optional<std::vector<double>>(const std::vector<double>&)> measure;
   int asked = 0;
+  LinkState links;
   std::vector<double> set{0, 0, 0};
   int made_safe = 0;
 };
@@ -346,6 +348,33 @@ TEST_F(HeldCurrentTest, ASupplyThatIsGoneIsNoticed) {
         throw DeviceError(DeviceErrorKind::lost, "coils", "the cable is out");
       },
       "does not answer while a current is held");
+}
+
+// By listening: the next question would come up to 150 ms later.
+TEST_F(HeldCurrentTest, ALinkThatHangsUpIsNoticedWithinAFewMilliseconds) {
+  amplifier.measure = [](const Flows& set) { return set; };
+  for (int trial = 0; trial < 50; ++trial) {
+    told.clear();
+    amplifier.links = {};
+    interlock.enable();
+    hold({4, -3, 1});
+    clock->sleep_for(from_seconds(0.0031 * trial));
+    const int asked = amplifier.asked;
+    amplifier.links.hung_up = "channel 2, tcp:10.0.0.12:5025";
+    EXPECT_LE(noticed_after(), 0.006) << trial;
+    EXPECT_EQ(
+        told,
+        "channel 2, tcp:10.0.0.12:5025 has hung up: its cable is out, or it has lost its power");
+    EXPECT_TRUE(broken);
+    EXPECT_EQ(amplifier.asked, asked) << "nothing was asked";
+    EXPECT_EQ(amplifier.set, (Flows{0, 0, 0}));
+  }
+}
+
+TEST_F(HeldCurrentTest, ALinkThatHangsUpWithoutACurrentIsNoTrip) {
+  amplifier.links.hung_up = "its link";
+  clock->sleep_for(from_seconds(1));
+  EXPECT_EQ(told, "");
 }
 
 TEST_F(HeldCurrentTest, ASupplyAtZeroIsNoticed) {

@@ -31,6 +31,7 @@ class WiredLamp final : public Lamp {
     level_ = level;
   }
   double level() const override { return level_; }
+  LinkState link_state() const override { return {gone && tells ? "the lamp" : "", Time::zero()}; }
   void ask() override {
     ++asked;
     answer();
@@ -47,7 +48,8 @@ class WiredLamp final : public Lamp {
   bool relay_is_closed() { return line_.relay.on(clock_.now()); }
 
   bool gone = false, line_broken = false;
-  Time takes{};  // of each exchange
+  bool tells = false;  // its link shows that it is gone
+  Time takes{};        // of each exchange
   bool lit_while_off = false;
   int asked = 0, darkened = 0;
 
@@ -122,6 +124,24 @@ TEST_F(WatchedLampTest, ThatIsGoneIsToldOnceWithin250MsAndDarkenedWhenItIsBack) 
   clock->sleep_for(100ms);
   EXPECT_EQ(wired.level(), 0);
   EXPECT_EQ(failures.size(), 1U);
+}
+
+TEST_F(WatchedLampTest, WhoseLinkHangsUpIsToldAtOnceAndWithoutAQuestion) {
+  wired.tells = true;
+  lamp->set_level(0.5);
+  clock->sleep_for(333ms);
+  const int asked = wired.asked;
+  wired.gone = true;
+  const auto told = told_after();
+  ASSERT_TRUE(told);
+  EXPECT_LE(*told, 6);
+  EXPECT_EQ(wired.asked, asked);
+  EXPECT_NE(failures[0].find("has hung up"), std::string::npos) << failures[0];
+  clock->sleep_for(1s);
+  EXPECT_EQ(failures.size(), 1U);
+  wired.gone = false;
+  clock->sleep_for(100ms);
+  EXPECT_EQ(wired.level(), 0);
 }
 
 TEST_F(WatchedLampTest, CanBeLitAgainAfterAFault) {
