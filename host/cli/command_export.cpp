@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <ostream>
+#include <stdexcept>
 
 namespace vitreo {
 namespace {
@@ -50,7 +51,13 @@ int export_command(const std::filesystem::path& folder, const ExportRequest& req
   // In the run's own folder by default, where the manifest does not list it: an export is made anew
   // at any time, so it is no part of what `vitreo verify` vouches for.
   ExportFolder target(request.into.empty() ? folder / "export" : request.into, request.replace);
-  for (const ExportFormat& format : formats) format.write(data, target);
+  try {
+    for (const ExportFormat& format : formats) format.write(data, target);
+  } catch (const RecordError&) {
+    throw;
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(target.renamed(error.what()));
+  }
   nlohmann::json names = nlohmann::json::array();
   for (const std::filesystem::path& file : target.publish()) {
     names.push_back(file.string());

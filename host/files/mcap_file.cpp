@@ -281,7 +281,6 @@ void McapFile::finish() {
   whole += offsets + head(kFooter, 20) + Fields().add(summary_at).add(offsets_at).str();
   state.put(whole + Fields().add(crc32(whole.data(), whole.size())).str());
   state.put(kMcapMagic);
-  sync_file(state.descriptor.number(), state.file);
 }
 
 }  // namespace vitreo

@@ -31,8 +31,7 @@ class McapFile {
   void metadata(const std::string& name, const std::map<std::string, std::string>& values);
   void attachment(const std::string& name, const std::string& media_type, std::uint64_t time,
                   std::string_view bytes);
-  /// The rest of the data, the summary with all indexes and statistics, the footer; on the disk
-  /// when it returns.
+  /// The rest of the data, the summary with all indexes and statistics, the footer.
   void finish();
 
  private:

@@ -175,7 +175,7 @@ std::size_t tiff_capacity(const TiffStack& stack) {
 
 void write_tiff_stack(const std::filesystem::path& file, const TiffStack& stack, std::size_t pages,
                       const std::function<std::string_view(std::size_t)>& pixels) {
-  const Labels labels = labels_of(stack);
+  const Labels labels = stack.labels.empty() ? Labels{} : labels_of(stack);
   // Rounded up to even, where TIFF wants what it refers to.
   const std::uint64_t size = stack.page_bytes();
   Tail tail{kTiffHead + (pages * size + 1) / 2 * 2};

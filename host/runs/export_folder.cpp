@@ -46,12 +46,22 @@ fs::path ExportFolder::add(const std::string& stem, const std::string& ending) {
   return staging_ / name;
 }
 
+std::string ExportFolder::renamed(std::string text) const {
+  const std::string part = staging_.string();
+  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part))
+    text.replace(at, part.size(), folder_.string());
+  return text;
+}
+
+// On the disk before it is named: a power cut must not leave an empty file under the name.
 Files ExportFolder::publish() {
   Files files;
   for (const std::string& name : names_) {
     // Another export may have come first since add().
     if (std::error_code error; !replace_ && fs::exists(folder_ / name, error))
       throw std::runtime_error((folder_ / name).string() + ": was made meanwhile");
+    const Descriptor file(open_existing_file(staging_ / name));
+    sync_file(file.number(), staging_ / name);
   }
   for (const std::string& name : names_) {
     fs::rename(staging_ / name, folder_ / name);

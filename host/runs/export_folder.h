@@ -23,6 +23,8 @@ class ExportFolder {
   /// Where the file is to be written that will be `stem` and `ending`, or "stem_2" ... where this
   /// export has one of that name. Throws std::runtime_error for a file that is there already.
   std::filesystem::path add(const std::string& stem, const std::string& ending);
+  /// A text with the files under the names that they would have got: for errors.
+  std::string renamed(std::string text) const;
   /// Names the files, all or none, and returns them in the order in which they were added.
   Files publish();
 

@@ -187,14 +187,10 @@ void write_events(hid_t file, const RunData& data) {
   texts(here, "text", words);
 }
 
-}  // namespace
-
-void export_hdf5(const RunData& data, ExportFolder& folder) {
-  const std::string path = folder.add("run", ".h5").string();
-  // For the whole process: nothing else in the host uses the library.
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // its errors are thrown, not printed
+/// All of the file.
+void write_run(const std::string& path, const RunData& data) {
   const Handle file(H5Fcreate(path.c_str(), H5F_ACC_EXCL, H5P_DEFAULT, H5P_DEFAULT), H5Fclose,
-                    path);
+                    "the file");
   attribute(file, "run", data.folder.filename().string());
   attribute(file, "protocol", std::filesystem::path(data.start.protocol_file).filename().string());
   attribute(file, "parameters", dumped(data.start.parameters));
@@ -209,7 +205,24 @@ void export_hdf5(const RunData& data, ExportFolder& folder) {
   write_events(file, data);
   write_frames(file, data);
   // The handle's close cannot report an error any more: flushed here.
-  wanted(H5Fflush(file, H5F_SCOPE_GLOBAL), path);
+  wanted(H5Fflush(file, H5F_SCOPE_GLOBAL), "the file's end");
+}
+
+}  // namespace
+
+// Both settings are for the whole process: nothing else in the host uses the library. Its clean-up
+// at the program's end crashes after a file that could not be closed for want of room.
+void export_hdf5(const RunData& data, ExportFolder& folder) {
+  H5dont_atexit();
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // its errors are thrown, not printed
+  const std::string path = folder.add("run", ".h5").string();
+  try {
+    write_run(path, data);
+  } catch (const RecordError&) {
+    throw;  // names what is wrong with the record
+  } catch (const std::exception& error) {
+    throw std::runtime_error(path + ": " + error.what());
+  }
 }
 
 }  // namespace vitreo

@@ -3,6 +3,7 @@
 
 #include "host/view/board.h"
 #include "host/view/foxglove_channels.h"
+#include "host/view/foxglove_protocol.h"
 #include "host/view/web_server.h"
 
 #include <nlohmann/json.hpp>
@@ -20,55 +21,9 @@ namespace {
 
 using nlohmann::json;
 
-// The later name is that of Foxglove's present SDK; the messages used here are the same.
-const std::vector<std::string> kSubprotocols{"foxglove.sdk.v1", "foxglove.websocket.v1"};
 constexpr auto kPicturePeriod = std::chrono::milliseconds(30);
 constexpr auto kTimePeriod = std::chrono::milliseconds(100);
 constexpr std::size_t kMostSubscriptions = 1000;  // of one client
-
-// Levels of "status".
-constexpr int kInfo = 0;
-constexpr int kWarning = 1;
-constexpr int kError = 2;
-
-std::string status(int level, const std::string& text) {
-  return json_text({{"op", "status"}, {"level", level}, {"message", text}});
-}
-
-template <class Number>
-void append(std::string& bytes, Number value) {
-  // The machine's own byte order: x86 and ARM are little-endian.
-  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
-/// [1][u32 subscription][u64 ns][payload], little-endian.
-std::shared_ptr<const std::string> message_data(std::uint32_t subscription,
-                                                const ChannelMessage& message) {
-  const auto bytes = std::make_shared<std::string>();
-  bytes->reserve(13 + message.text.size());
-  append(*bytes, std::uint8_t{1});
-  append(*bytes, subscription);
-  append(*bytes, message.time);
-  *bytes += message.text;
-  return bytes;
-}
-
-/// [2][u64 ns]: the run's own time, which a simulated run has, too.
-std::shared_ptr<const std::string> time_data(std::uint64_t ns) {
-  const auto bytes = std::make_shared<std::string>();
-  append(*bytes, std::uint8_t{2});
-  append(*bytes, ns);
-  return bytes;
-}
-
-/// A number of the protocol, 32 bits; throws std::invalid_argument.
-std::uint32_t number_in(const json& object, const char* name) {
-  const auto found = object.is_object() ? object.find(name) : object.end();
-  if (!object.is_object() || found == object.end() || !found->is_number_unsigned() ||
-      found->get<std::uint64_t>() > 0xFFFFFFFF)
-    throw std::invalid_argument(std::string(name) + " wants a whole number");
-  return found->get<std::uint32_t>();
-}
 
 /// Passes the record's news to the one who listened before, such as the page, and to the board.
 class Relay final : public RecordListener {
@@ -132,7 +87,7 @@ struct FoxgloveView::State {
     settings.address = request.address;
     settings.port = request.port;
     settings.shared_token = token;
-    settings.subprotocols = kSubprotocols;
+    settings.subprotocols = foxglove_subprotocols();
     return settings;
   }
 
@@ -208,7 +163,7 @@ void FoxgloveView::State::tick() {
   // After the run, once the last rows are sent: its outcome.
   if (session == nullptr && !std::exchange(end_sent, true))
     for (const int viewer : server.viewers())
-      server.send(viewer, status(kInfo, "the run has ended: " + outcome));
+      server.send(viewer, status_text(kFoxgloveInfo, "the run has ended: " + outcome));
 }
 
 void FoxgloveView::State::send_news() {
@@ -239,8 +194,9 @@ void FoxgloveView::State::send_pictures() {
 void FoxgloveView::State::tell_dropped(int viewer, Client& client) {
   const std::uint64_t dropped = server.dropped(viewer);
   if (dropped == std::exchange(client.told_dropped, dropped)) return;
-  server.send(viewer, status(kWarning, "this client is slower than the run: " +
-                                           std::to_string(dropped) + " messages were dropped"));
+  server.send(viewer, status_text(kFoxgloveWarning,
+                                  "this client is slower than the run: " + std::to_string(dropped) +
+                                      " messages were dropped"));
 }
 
 /// Everything but a subscription is refused: a run is not steered from here.
@@ -262,7 +218,7 @@ void FoxgloveView::State::receive(int viewer, const std::string& message) {
       throw std::invalid_argument(op + " is not understood: this server can be read only");
     }
   } catch (const std::exception& error) {
-    server.send(viewer, status(kError, error.what()));
+    server.send(viewer, status_text(kFoxgloveError, error.what()));
   }
 }
 

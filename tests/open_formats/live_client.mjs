@@ -4,10 +4,11 @@
 //   node live_client.mjs ADDRESS strangers                     tries to get in without being admitted
 // SPDX-License-Identifier: Apache-2.0
 import http from "node:http";
-import { FoxgloveClient } from "@foxglove/ws-protocol";
+import protocol from "@foxglove/ws-protocol";
 import WebSocket from "ws";
 import { judge, schema_faults } from "./schemas.mjs";
 
+const { FoxgloveClient } = protocol;
 const text = new TextDecoder();
 const [address, task, argument, wish] = process.argv.slice(2);
 const pause = (seconds) => new Promise((done) => setTimeout(done, seconds * 1000));

@@ -1,5 +1,5 @@
 // Live topics of a run by the Foxglove WebSocket protocol, with the reference client of npm: what
-// it is shown, who is kept out, and that nobody who is slow holds up the run.
+// it is shown, who is kept out, and that a slow client does not hold up the run.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/program/program.h"
 
@@ -100,11 +100,13 @@ TEST_F(Foxglove, ShowsTheReferenceClientTheTopicsOfTheExport) {
     EXPECT_NE(said.find("the run has ended: completed"), std::string::npos) << said;
   }
   // The same topics with the same schemas stand in the export.
-  ASSERT_EQ(place.vitreo("export last --as mcap --into out").exit_code, 0) << place.read("err");
-  ASSERT_EQ(std::system(("cd '" + place.folder().string() +
-                         "' && node " VITREO_OPEN_FORMATS_TEST "/mcap_check.mjs out/run.mcap >file")
-                            .c_str()),
-            0);
+  ASSERT_EQ(place.vitreo("export last --as mcap --into exported").exit_code, 0)
+      << place.read("err");
+  ASSERT_EQ(
+      std::system(("cd '" + place.folder().string() +
+                   "' && node " VITREO_OPEN_FORMATS_TEST "/mcap_check.mjs exported/run.mcap >file")
+                      .c_str()),
+      0);
   const json file = json::parse(place.read("file"))["topics"];
   for (const auto& [name, topic] : seen(1)["topics"].items()) {
     if (name.ends_with("/image")) continue;  // the run recorded no frames
@@ -140,7 +142,10 @@ TEST_F(Foxglove, KeepsStrangersOut) {
 TEST_F(Foxglove, IsNotHeldUpByAClientThatDoesNotRead) {
   watched("hold=5s --out watched", {"slow 6", "watch 30"});
   const json read = seen(2);
-  ASSERT_EQ(place.vitreo("run ./small.lua hold=5s --out alone").exit_code, 0);
+  // Served as well, which takes each camera's frames from the begin, but to no client.
+  ASSERT_EQ(
+      place.vitreo("run ./small.lua hold=5s --foxglove --foxglove-port 0 --out alone").exit_code,
+      0);
   const auto rows = [this](const std::string& out) {
     const fs::path run = fs::directory_iterator(place.folder() / out)->path();
     EXPECT_EQ(
@@ -152,7 +157,7 @@ TEST_F(Foxglove, IsNotHeldUpByAClientThatDoesNotRead) {
   };
   const std::string alone = rows("alone");
   EXPECT_GT(alone.size(), 1000U);
-  EXPECT_EQ(rows("watched"), alone);
+  EXPECT_TRUE(rows("watched") == alone) << "the clients have changed what the run did";
   // The other client has seen nearly all of it: what came before it had subscribed it did not ask
   // for.
   const auto count = std::count(alone.begin(), alone.end(), '\n');

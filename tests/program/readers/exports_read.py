@@ -1,6 +1,6 @@
 """What tifffile, h5py, pandas and ffprobe read of a run's exports, beside what its record says (by sqlite3), as JSON.
 
-    exports_read.py RUN EXPORTS [CAMERA]
+    exports_read.py RUN EXPORTS CAMERA tif,ome,h5,csv,mkv
 """
 # SPDX-License-Identifier: Apache-2.0
 import datetime
@@ -18,7 +18,7 @@ import pandas
 import tifffile
 
 run, exports = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
-camera = sys.argv[3] if len(sys.argv) > 3 else "top_camera"
+camera = sys.argv[3]
 record = sqlite3.connect(f"file:{run}/run.sqlite?mode=ro", uri=True)
 frames = record.execute(
     "select t_ns, number, file, offset, bytes from frame where camera = ? order by seq", (camera,)).fetchall()
@@ -121,5 +121,5 @@ def film():
 readers = {"tif": imagej, "ome": ome, "h5": hdf5, "csv": csv, "mkv": film}
 # The largest hole says whether there was one.
 answer = {"frames": len(frames), "hole": float(numpy.diff(times).max()), "step": float(numpy.diff(times).min())}
-answer.update({name: read() for name, read in readers.items()})
+answer.update({name: readers[name]() for name in sys.argv[4].split(",")})
 print(json.dumps(answer, default=str))
