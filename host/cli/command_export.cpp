@@ -1,43 +1,70 @@
-// Command `vitreo export RUN --csv|--mcap|--tiff|--mkv|--hdf5`.
+// Command `vitreo export RUN --as csv,mcap,...`.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
+#include "host/config/config.h"
 #include "host/record/record_json.h"
 #include "host/runs/export.h"
 #include "host/runs/run_reader.h"
 
-#include <map>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
 #include <ostream>
 #include <stdexcept>
 
 namespace vitreo {
+namespace {
 
-int export_command(const std::filesystem::path& folder, const std::string& format,
-                   const std::filesystem::path& into, bool json, std::ostream& out) {
-  // One row a format; the word is the flag of the command line without its dashes.
-  static const std::map<std::string, Files (*)(const RunData&, const std::filesystem::path&)>
-      kFormats = {{"csv", export_csv},
-                  {"mcap", export_mcap},
-                  {"tiff", export_tiff},
-                  {"mkv", export_mkv},
-                  {"hdf5", export_hdf5}};
-  const auto found = kFormats.find(format);
-  if (found == kFormats.end())
-    throw std::invalid_argument(format + ": is no format; csv, mcap, tiff, mkv and hdf5 are");
+/// The formats asked for, each once, in the order of the table.
+std::vector<ExportFormat> formats_of(const std::vector<std::string>& words) {
+  std::vector<std::string> known;
+  for (const ExportFormat& format : export_formats()) known.push_back(format.name);
+  if (words.empty())
+    throw ConfigError(
+        fmt::format("export: wants --as with one or more of {}", fmt::join(known, ",")));
+  for (const std::string& word : words) {
+    if (std::find(known.begin(), known.end(), word) != known.end()) continue;
+    const std::string near = nearest(word, known);
+    throw ConfigError(fmt::format("--as {}: is no format; {}", word,
+                                  near.empty() ? fmt::format("there are {}", fmt::join(known, ","))
+                                               : "did you mean " + near + "?"));
+  }
+  std::vector<ExportFormat> wanted;
+  for (const ExportFormat& format : export_formats())
+    if (std::find(words.begin(), words.end(), format.name) != words.end()) wanted.push_back(format);
+  return wanted;
+}
+
+}  // namespace
+
+int export_command(const std::filesystem::path& folder, const ExportRequest& request,
+                   std::ostream& out) {
+  const std::vector<ExportFormat> formats = formats_of(request.formats);
   // Read before the folder is made: a run that cannot be exported leaves no empty export/ behind.
-  const RunData data = read_run(folder);
-  if (data.frames.empty() && (format == "tiff" || format == "mkv"))
-    throw RecordError(folder.string() +
-                      ": has no recorded frames; vitreo run --frames top_camera records some");
+  // By its whole path, since the folder's name is the run's.
+  const RunData data = read_run(std::filesystem::weakly_canonical(folder));
+  for (const ExportFormat& format : formats)
+    if (format.of_frames && data.frames.empty())
+      throw RecordError(folder.string() +
+                        ": has no recorded frames; vitreo run --frames top_camera records some");
   // In the run's own folder by default, where the manifest does not list it: an export is made anew
   // at any time, so it is no part of what `vitreo verify` vouches for.
-  const std::filesystem::path target = into.empty() ? folder / "export" : into;
-  std::filesystem::create_directories(target);
-  nlohmann::json names = nlohmann::json::array();
-  for (const std::filesystem::path& file : found->second(data, target)) {
-    names.push_back(file.string());
-    if (!json) out << file.string() << "\n";
+  ExportFolder target(request.into.empty() ? folder / "export" : request.into, request.replace);
+  try {
+    for (const ExportFormat& format : formats) format.write(data, target);
+  } catch (const RecordError&) {
+    throw;
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(target.renamed(error.what()));
   }
-  if (json) out << dumped({{"run", folder.filename().string()}, {"files", names}}) << "\n";
+  nlohmann::json names = nlohmann::json::array();
+  for (const std::filesystem::path& file : target.publish()) {
+    names.push_back(file.string());
+    if (!request.json) out << file.string() << "\n";
+  }
+  if (request.json)
+    out << dumped({{"run", data.folder.filename().string()}, {"files", names}}) << "\n";
   return 0;
 }
 

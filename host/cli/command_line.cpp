@@ -222,19 +222,12 @@ std::vector<Described> CommandLine::describe() const {
   return all;
 }
 
-// Each word is a flag of its own that writes its name. CLI11's excludes() would want a row for each
-// pair; the second of two different flags is noticed here by what the first wrote, while the same
-// one twice is harmless.
-void Command::one_of(const std::vector<std::pair<std::string, std::string>>& words,
-                     std::string& into) {
+// Each word is a flag of its own that adds its name.
+void Command::flags(const std::vector<std::pair<std::string, std::string>>& words,
+                    std::vector<std::string>& into) {
   for (const auto& [word, help] : words)
     app_.add_flag_function(
-        "--" + word,
-        [&into, name = word](std::int64_t) {
-          if (!into.empty() && into != name) throw CLI::ExcludesError("--" + name, "--" + into);
-          into = name;
-        },
-        help);
+        "--" + word, [&into, name = word](std::int64_t) { into.push_back(name); }, help);
 }
 
 Option Option::required() { return option_->required(), *this; }

@@ -47,8 +47,9 @@ class Command {
   /// A time with its unit, "10s"; a bare number is in s. Throws ConfigError.
   Option seconds(const std::string& names, double& into, const std::string& help);
   Option flag(const std::string& names, bool& into, const std::string& help);
-  /// At most one of these flags, {word, help}, may be given; `into` becomes its word.
-  void one_of(const std::vector<std::pair<std::string, std::string>>& words, std::string& into);
+  /// A flag for each of these, {word, help}; `into` gets the words of those that are given.
+  void flags(const std::vector<std::pair<std::string, std::string>>& words,
+             std::vector<std::string>& into);
   /// Shown below the options, one a line.
   Command& examples(const std::vector<std::string>& lines);
   /// Called when --help is asked with a first positional word: prints the help about that, instead

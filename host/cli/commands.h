@@ -33,9 +33,15 @@ int verify_command(const std::filesystem::path& folder, bool json, std::ostream&
 int recover_command(const std::filesystem::path& folder, bool json, std::ostream& out);
 int report_command(const std::filesystem::path& folder, bool json, std::ostream& out);
 
-/// `format`: csv, mcap, tiff, mkv or hdf5. `into`: a folder; empty: export/ in the run's own.
-int export_command(const std::filesystem::path& folder, const std::string& format,
-                   const std::filesystem::path& into, bool json, std::ostream& out);
+struct ExportRequest {
+  std::vector<std::string> formats;  // of export_formats(), once or more
+  std::filesystem::path into;        // a folder; empty: export/ in the run's own
+  bool replace = false;              // what is there already
+  bool json = false;
+};
+/// All of the formats or, after an error, none of them.
+int export_command(const std::filesystem::path& folder, const ExportRequest& request,
+                   std::ostream& out);
 
 /// The recorded frames through today's tracker and localizer. `csv`: a file for the differences
 /// frame by frame; may be empty. 0: replayed, whatever the differences.

@@ -7,6 +7,7 @@
 #include "host/cli/program.h"
 #include "host/rig/instrument_file.h"
 #include "host/rig/registry.h"
+#include "host/runs/export.h"
 #include "host/runs/run_reader.h"
 
 #include <fmt/format.h>
@@ -138,6 +139,11 @@ Words value_words(const std::string& command, const std::string& option) {
   if (option == "--link") return instrument_links();
   if (option == "--outcome")
     return {"completed", "failed", "stopped", "aborted", "lost", "running", "unreadable"};
+  if (option == "--as") {
+    Words names;
+    for (const ExportFormat& format : export_formats()) names.push_back(format.name);
+    return names;
+  }
   if (option == "--role" && command == "new") return scripted::kinds();
   if (option == "--role" || option == "--test") return role_names();
   return {};  // the shell's files

@@ -147,9 +147,13 @@ void add_view_options(Command& command, RunOptions& options) {
                "a page in the browser shows the run; its address is printed");
   command.option("--view-port", options.view_port, "the page's port (default: one that is free)")
       .between(0, 65535);
+  command.flag("--foxglove", options.foxglove.on,
+               "Foxglove or Lichtblick shows the run, at the address that is printed");
+  command.option("--foxglove-port", options.foxglove_port, "its port (default: 8765)")
+      .between(0, 65535);
   command.option("--listen", options.view.address,
-                 "an IP address of this machine at which the page is served (default: 127.0.0.1, "
-                 "this machine alone)");
+                 "an IP address of this machine at which page and Foxglove are served (default: "
+                 "127.0.0.1, this machine alone)");
   command.option(
       "--token-file", options.token_file,
       "a file for you alone (0600; made where there is none) whose token lets browsers in");
@@ -172,8 +176,14 @@ RunRequest& RunOptions::complete(Program& program) {
   view.port = static_cast<unsigned short>(view_port);
   view.token_file = token_file;
   // An option that would be read and ignored is refused: a user who writes --listen expects a page.
-  if (!view.on && (view.address != view::ViewRequest().address || !token_file.empty()))
-    throw ConfigError("--listen, --token-file: are about the page, which wants --view");
+  if (!view.on && !foxglove.on &&
+      (view.address != view::ViewRequest().address || !token_file.empty()))
+    throw ConfigError(
+        "--listen, --token-file: are about the page, which wants --view, or about --foxglove");
+  if (!foxglove.on && foxglove_port != view::kFoxglovePort)
+    throw ConfigError("--foxglove-port: wants --foxglove");
+  foxglove = {foxglove.on, view.address, static_cast<unsigned short>(foxglove_port),
+              view.token_file};
   view::check(view);
   if (!token_file.empty()) view::shared_token(token_file);  // before anything is opened
   if (real_time) request.how.pace = Pace::real_time;

@@ -43,9 +43,11 @@ class Program {
 /// The options of everything that opens a rig and records: --rig, --seed, --out, --frames, ...
 struct RunOptions {
   RunRequest request;
-  view::ViewRequest view;  // a page in the browser that shows the run
+  view::ViewRequest view;      // a page in the browser that shows the run
+  view::ViewRequest foxglove;  // its topics for Foxglove; address and token as of the page
   bool real_time = false;
   int view_port = 0;
+  int foxglove_port = view::kFoxglovePort;
   std::string token_file;
   /// With the defaults that depend on where the program is, and on the protocol: its own rig.
   /// Throws ScriptError when that cannot be read, ConfigError for what cannot be.

@@ -4,6 +4,7 @@
 #include "host/cli/commands.h"
 #include "host/cli/program.h"
 #include "host/config/config.h"
+#include "host/runs/export.h"
 #include "host/runs/report_files.h"
 #include "host/runs/run_reader.h"
 
@@ -18,13 +19,14 @@ struct RecordWords {
   std::string run = "last";
   std::string parent = "runs";
   std::string into;
-  std::string format;
+  std::vector<std::string> formats;
   std::string csv;
   std::string plots;
   RunFilter filter;
   bool json = false;
   bool png = false;
   bool links = false;
+  bool replace = false;
   std::string role;
   // When the action runs, not while the line is parsed: --runs may stand behind the run's name.
   std::filesystem::path folder() const { return find_run(run, parent); }
@@ -101,19 +103,20 @@ void add_records(CommandLine& line, Program& program) {
               "with --plots: PNG files, by the program rsvg-convert (Debian: librsvg2-bin)");
   report.examples({"vitreo report last", "vitreo report last --plots figures",
                    "vitreo report last --plots figures --png"});
-  Command exported = add_one("export", "a run in the format of other programs", [wanted, &w] {
-    if (w.format.empty())
-      throw ConfigError("export: wants one of --csv, --mcap, --tiff, --mkv, --hdf5");
-    return export_command(w.folder(), w.format, w.into, w.json, std::cout);
+  Command exported = add_one("export", "a run in the formats of other programs", [wanted, &w] {
+    return export_command(w.folder(), {w.formats, w.into, w.replace, w.json}, std::cout);
   });
+  exported.option("--as", wanted->formats, "formats, with commas: csv,mcap,tiff,ome,mkv,hdf5")
+      .one_word_each()
+      .delimiter(',');
+  std::vector<std::pair<std::string, std::string>> formats;
+  for (const ExportFormat& format : export_formats())
+    formats.emplace_back(format.name, "--as " + format.name + ": " + format.help);
+  exported.flags(formats, wanted->formats);
   exported.option("--into", wanted->into, "a folder (default: export/ in the run's own)");
-  exported.examples({"vitreo export last --csv", "vitreo export last --mcap --into /tmp/shared"});
-  exported.one_of({{"csv", "a table for each stream, for spreadsheets"},
-                   {"mcap", "one file, for Foxglove and ROS"},
-                   {"tiff", "the frames, a file a camera"},
-                   {"mkv", "the frames as a film without loss (FFV1), a file a camera"},
-                   {"hdf5", "all streams in one file"}},
-                  wanted->format);
+  exported.flag("--replace", wanted->replace, "instead of files that are there already");
+  exported.examples({"vitreo export last --as csv", "vitreo export last --as mcap,mkv,ome",
+                     "vitreo export last --mcap --into /tmp/shared"});
   Command replayed =
       add_one("replay", "the recorded frames through today's tracker and localizer",
               [&program, wanted, &w] {

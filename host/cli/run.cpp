@@ -29,15 +29,16 @@ struct Run : ProtocolOptions {
   bool verbose = false;
 };
 
-/// Progress of --quiet: nothing but questions, which want an answer, and the live view's address,
-/// without which the page cannot be opened.
+/// Progress of --quiet: nothing but questions, which want an answer, and the addresses of the live
+/// view and for Foxglove, without which they cannot be opened.
 /// question() and typed() are ProgressLine's own, so questions still appear.
 class Quiet : public ProgressLine {
  public:
   using ProgressLine::ProgressLine;
   void progress(double, const std::string&) override {}
   void message(const std::string& line) override {
-    if (line.starts_with("live view: ")) ProgressLine::message(line);
+    if (line.starts_with("live view: ") || line.starts_with("foxglove: "))
+      ProgressLine::message(line);
   }
 };
 

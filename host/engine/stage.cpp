@@ -3,6 +3,7 @@
 
 #include "devices/time/error.h"
 #include "host/engine/versions.h"
+#include "host/rig/geometry.h"
 #include "host/rig/identities.h"
 #include "host/rig/instrument_file.h"
 #include "host/rig/registry.h"
@@ -68,8 +69,10 @@ RunStart start_record(const RunRequest& request, const CheckedRequest& checked,
   start.parameters = to_json(checked.arguments);
   for (const Parameter& parameter : protocol.parameters)
     start.parameter_units[parameter.name] = parameter.unit;
-  start.rig = {
-      {"file", description.file}, {"text", description.text}, {"resolved", stage.rig->resolved()}};
+  start.rig = {{"file", description.file},
+               {"text", description.text},
+               {"resolved", stage.rig->resolved()},
+               {"geometry", geometry_of(stage.rig->rig().model)}};
   for (const RigSource& base : description.bases)
     start.rig["bases"].push_back({{"file", base.file}, {"text", base.text}});
   for (const InstrumentFile& file : instrument_files(description, is_built_in))

@@ -1,7 +1,10 @@
 // CSV export: tables for spreadsheets, a file a stream.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/run_folder.h"
+#include "host/record/parameter_text.h"
+#include "host/record/record_json.h"
 #include "host/runs/export.h"
+#include "host/runs/run_clock.h"
 #include "host/text/units.h"
 
 #include <fmt/format.h>
@@ -81,6 +84,35 @@ std::string frames_table(const RunData& data) {
   return out;
 }
 
+/// What the tables are of: a row a fact, so that a program reads it as a dictionary.
+std::string run_table(const RunData& data) {
+  std::string out = "key,value\r\n";
+  const auto add = [&out](const std::string& key, const std::string& value) {
+    out += cell(key) + "," + cell(value) + "\r\n";
+  };
+  add("run", data.folder.filename().string());
+  add("title", data.start.protocol_title);
+  add("operator", data.start.operator_name);
+  add("seed", std::to_string(data.start.seed));
+  add("outcome", data.end ? to_string(data.end->outcome) : "no end record");
+  add("t0_utc", t0_utc_text(data));
+  add("t0_utc_ns", std::to_string(t0_utc_ns(data)));
+  add("clock", clock_text(data));
+  for (const auto& [name, value] : data.start.parameters.items())
+    add("parameter " + name, plain_parameter_text(data.start, name, value));
+  return out;
+}
+
+/// The columns of the streams' tables, their units apart from their names.
+std::string channels_table(const RunData& data) {
+  std::string out = "stream,channel,unit,source\r\n";
+  for (const Stream& stream : data.streams)
+    for (const Channel& channel : stream.info.channels)
+      out += cell(stream.info.name) + "," + cell(channel.name) + "," + cell(channel.unit) + "," +
+             cell(stream.info.source) + "\r\n";
+  return out;
+}
+
 }  // namespace
 
 // Shared by all exports of images. Borrowed from `data`, which must outlive the result.
@@ -100,21 +132,17 @@ std::vector<const FrameRow*> frames_of(const RunData& data, const std::string& c
   return rows;
 }
 
-Files export_csv(const RunData& data, const std::filesystem::path& folder) {
-  Files files;
+void export_csv(const RunData& data, ExportFolder& folder) {
   const auto add = [&](const std::string& name, const std::string& text) {
-    std::filesystem::path file = folder / (slug(name, "stream") + ".csv");
-    // Two names may be one slug.
-    for (int i = 2; std::find(files.begin(), files.end(), file) != files.end(); ++i)
-      file = folder / (slug(name, "stream") + "_" + std::to_string(i) + ".csv");
-    write_file(file, text);
-    files.push_back(file);
+    write_file(folder.add(slug(name, "stream"), ".csv"), text);
   };
-  for (const Stream& stream : data.streams) add(stream.info.name, table_of(stream));
+  // First, so that they have these names whatever a stream is called.
+  add("run", run_table(data));
+  add("channels", channels_table(data));
   add("events", events_of(data));
   add("results", results_of(data));
   if (!data.frames.empty()) add("frames", frames_table(data));
-  return files;
+  for (const Stream& stream : data.streams) add(stream.info.name, table_of(stream));
 }
 
 }  // namespace vitreo

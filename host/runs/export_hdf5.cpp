@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/record/record_json.h"
 #include "host/runs/export.h"
+#include "host/runs/run_clock.h"
 #include "host/runs/run_reader.h"
+
+#include <opencv2/imgproc.hpp>
 
 #include <array>
 #include <hdf5.h>
@@ -80,6 +83,13 @@ void numbers(hid_t in, const std::string& name, hid_t type, const void* values, 
   attribute(set, "unit", unit);
 }
 
+void number_attribute(hid_t of, const std::string& name, std::int64_t value) {
+  const Handle space(H5Screate(H5S_SCALAR), H5Sclose, name);
+  const Handle made(H5Acreate2(of, name.c_str(), H5T_NATIVE_INT64, space, H5P_DEFAULT, H5P_DEFAULT),
+                    H5Aclose, name);
+  wanted(H5Awrite(made, H5T_NATIVE_INT64, &value), name);
+}
+
 void texts(hid_t in, const std::string& name, const std::vector<std::string>& values) {
   const Handle type = text_type();
   const hsize_t size = values.size();
@@ -114,7 +124,7 @@ void write_stream(hid_t streams, const Stream& stream) {
   }
 }
 
-/// One dataset (frames, v, u[, BGR]), a chunk a frame, so that readers load single frames. Written
+/// One dataset (frames, v, u[, RGB]), a chunk a frame, so that readers load single frames. Written
 /// frame by frame through a hyperslab, for the whole need not fit into memory.
 void write_images(hid_t here, const RunData& data, const std::vector<const FrameRow*>& rows) {
   const FrameRow& first = *rows[0];
@@ -132,9 +142,11 @@ void write_images(hid_t here, const RunData& data, const std::vector<const Frame
   wanted(H5Pset_chunk(layout, rank, one.data()), "images");
   const Handle set(H5Dcreate2(here, "images", type, space, H5P_DEFAULT, layout, H5P_DEFAULT),
                    H5Dclose, "images");
-  attribute(set, "axes", color ? "frame, v, u, BGR" : "frame, v, u");
+  attribute(set, "axes", color ? "frame, v, u, RGB" : "frame, v, u");
   for (const FrameRow* row : rows) {
-    const cv::Mat image = read_frame(data, *row);
+    cv::Mat image = read_frame(data, *row);
+    // As the stacks of the record have it, and what readers show.
+    if (color) cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
     wanted(H5Sselect_hyperslab(space, H5S_SELECT_SET, at.data(), nullptr, one.data(), nullptr),
            "images");
     wanted(H5Dwrite(set, type, memory, space, H5P_DEFAULT, image.data), "images");
@@ -175,30 +187,42 @@ void write_events(hid_t file, const RunData& data) {
   texts(here, "text", words);
 }
 
+/// All of the file.
+void write_run(const std::string& path, const RunData& data) {
+  const Handle file(H5Fcreate(path.c_str(), H5F_ACC_EXCL, H5P_DEFAULT, H5P_DEFAULT), H5Fclose,
+                    "the file");
+  attribute(file, "run", data.folder.filename().string());
+  attribute(file, "protocol", std::filesystem::path(data.start.protocol_file).filename().string());
+  attribute(file, "parameters", dumped(data.start.parameters));
+  attribute(file, "versions", dumped(data.start.versions));
+  attribute(file, "seed", std::to_string(data.start.seed));
+  // All t_ns of the file count from here.
+  attribute(file, "t0_utc", t0_utc_text(data));
+  number_attribute(file, "t0_utc_ns", t0_utc_ns(data));
+  attribute(file, "clock", clock_text(data));
+  const Handle streams = group(file, "streams");
+  for (const Stream& stream : data.streams) write_stream(streams, stream);
+  write_events(file, data);
+  write_frames(file, data);
+  // The handle's close cannot report an error any more: flushed here.
+  wanted(H5Fflush(file, H5F_SCOPE_GLOBAL), "the file's end");
+}
+
 }  // namespace
 
-Files export_hdf5(const RunData& data, const std::filesystem::path& folder) {
-  const std::filesystem::path path = folder / "run.h5";
-  const std::string part = path.string() + ".part";
-  // For the whole process: nothing else in the host uses the library.
+// Both settings are for the whole process: nothing else in the host uses the library. Its clean-up
+// at the program's end crashes after a file that could not be closed for want of room.
+void export_hdf5(const RunData& data, ExportFolder& folder) {
+  H5dont_atexit();
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // its errors are thrown, not printed
-  {
-    const Handle file(H5Fcreate(part.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose,
-                      part);
-    attribute(file, "run", data.folder.filename().string());
-    attribute(file, "protocol", data.start.protocol_file);
-    attribute(file, "parameters", dumped(data.start.parameters));
-    attribute(file, "versions", dumped(data.start.versions));
-    attribute(file, "seed", std::to_string(data.start.seed));
-    const Handle streams = group(file, "streams");
-    for (const Stream& stream : data.streams) write_stream(streams, stream);
-    write_events(file, data);
-    write_frames(file, data);
-    // The handle's close cannot report an error any more: flushed here.
-    wanted(H5Fflush(file, H5F_SCOPE_GLOBAL), part);
+  const std::string path = folder.add("run", ".h5").string();
+  try {
+    write_run(path, data);
+  } catch (const RecordError&) {
+    throw;  // names what is wrong with the record
+  } catch (const std::exception& error) {
+    throw std::runtime_error(path + ": " + error.what());
   }
-  std::filesystem::rename(part, path);
-  return {path};
 }
 
 }  // namespace vitreo

@@ -1,151 +1,149 @@
-// TIFF export: an ImageJ stack, all pixels in one piece behind the head, as ImageJ reads them, then
-// the page directories for other readers (TIFF 6.0).
+// TIFF exports: a stack for ImageJ, each slice labelled with its time, and OME-TIFF (the 2016-06
+// schema) with the time of each plane.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
+#include "host/files/tiff_stack.h"
 #include "host/runs/export.h"
+#include "host/runs/run_clock.h"
 #include "host/runs/run_reader.h"
+#include "host/text/markup.h"
 
 #include <fmt/format.h>
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
+#include <chrono>
+#include <span>
 
 namespace vitreo {
 namespace {
 
-// TIFF's 32 bits, less room for the pages' directories.
-constexpr std::uint64_t kLargest = 0xFFFFFFFF - (16u << 20);
-// Bytes of a directory: its count, twelve for each entry, the offset of the next.
-constexpr std::uint32_t kEntries = 14;
-constexpr std::uint32_t kDirectory = 2 + kEntries * 12 + 4;
+using Rows = std::span<const FrameRow* const>;
 
-/// Little-endian.
-std::string u16(std::uint32_t value) {
-  return {static_cast<char>(value & 0xFF), static_cast<char>(value >> 8 & 0xFF)};
-}
-std::string u32(std::uint64_t value) {
-  return u16(static_cast<std::uint32_t>(value & 0xFFFF)) +
-         u16(static_cast<std::uint32_t>(value >> 16));
-}
-/// An entry of a directory. A value of up to four bytes stands in place of its offset.
-std::string tag(std::uint32_t id, std::uint32_t type, std::uint64_t count, std::uint64_t value) {
-  return u16(id) + u16(type) + u32(count) + u32(value);
-}
-
-/// What stands behind the pixels: description; bits and the largest value of three samples;
-/// resolution; then the directories.
-/// All pages share it: their frames are of one size and kind (frames_of()).
-struct Tail {
-  std::uint64_t at;
-  std::string description;
-  std::string bits;
-  std::string resolution;
-  int significant;  // bits of a sample that count, the low ones
-  std::uint64_t bits_at() const { return at + description.size(); }
-  std::uint64_t largest_at() const { return bits_at() + bits.size() / 2; }
-  std::uint64_t resolution_at() const { return bits_at() + bits.size(); }
-  std::uint64_t pages_at() const { return resolution_at() + resolution.size(); }
-};
-
-/// The directory of one page, in the ascending order of tags that TIFF asks for: 256 width, 257
-/// height, 258 bits a sample, 259 compression (1: none), 262 photometric (1: black is 0, 2: RGB),
-/// 270 description, 273 strip offset, 277 samples a pixel, 278 rows a strip, 279 strip bytes, 281
-/// the largest sample that there can be (of color for each of the three), 282 and 283 resolution,
-/// 296 its unit (1: none; ImageJ reads it from the description).
-std::string page(const FrameRow& first, const Tail& tail, std::uint64_t pixels_at,
-                 std::uint64_t next) {
-  const bool rgb = first.pixel_type == 2;
-  constexpr std::uint32_t kText = 2;
-  constexpr std::uint32_t kShort = 3;
-  constexpr std::uint32_t kLong = 4;
-  constexpr std::uint32_t kRational = 5;
-  return u16(kEntries) + tag(256, kLong, 1, first.width_px) + tag(257, kLong, 1, first.height_px) +
-         tag(258, kShort, rgb ? 3 : 1,
-             rgb                     ? tail.bits_at()
-             : first.pixel_type == 1 ? 16
-                                     : 8) +
-         tag(259, kShort, 1, 1) + tag(262, kShort, 1, rgb ? 2 : 1) +
-         tag(270, kText, tail.description.size(), tail.at) + tag(273, kLong, 1, pixels_at) +
-         tag(277, kShort, 1, rgb ? 3 : 1) + tag(278, kLong, 1, first.height_px) +
-         tag(279, kLong, 1, first.bytes) +
-         tag(281, kShort, rgb ? 3 : 1, rgb ? tail.largest_at() : (1U << tail.significant) - 1) +
-         tag(282, kRational, 1, tail.resolution_at()) +
-         tag(283, kRational, 1, tail.resolution_at()) + tag(296, kShort, 1, 1) + u32(next);
-}
-
-/// ImageJ's own keys. Ended by a zero, as TIFF's texts are, and of even length.
-/// ImageJ reads the first directory alone: by "images" it knows how many pictures follow it without
-/// a gap. `max` is the range of gray that it shows: of 12 bits in 16 all would be black. Times in
-/// s, the unit in ASCII, which TIFF's texts are.
-std::string description_of(const RecordedCameraInfo& camera, std::size_t count, int bits) {
-  std::string text = fmt::format(
-      "ImageJ=1.53t\nimages={0}\nframes={0}\nhyperstack=true\nmode=grayscale\nunit=um\nfinterval={"
-      "1}\nfps={2}\nmin=0\nmax={3}\n",
-      count, camera.frame_period * camera.every,
-      camera.frame_period > 0 ? 1 / (camera.frame_period * camera.every) : 0, (1U << bits) - 1);
-  text += '\0';
-  if (text.size() % 2 == 1) text += '\0';
-  return text;
-}
-
-void write_stack(const RunData& data, const RecordedCameraInfo& camera, const FrameRow* const* rows,
-                 std::size_t count, const std::filesystem::path& file) {
-  const FrameRow& first = *rows[0];
-  // Rounded up to even, where TIFF wants its directories; the head has 8 bytes.
-  const std::uint64_t pixels_end = 8 + (count * first.bytes + 1) / 2 * 2;
-  // Resolution as pixels per micrometer, a fraction of two 32-bit numbers.
-  const double pixel_um = camera.effective_pixel > 0 ? camera.effective_pixel * 1e6 : 1;
+/// The stack of a camera's frames, without its texts.
+TiffStack stack_of(const RecordedCameraInfo& camera, const FrameRow& first) {
+  TiffStack stack;
+  stack.width_px = first.width_px;
+  stack.height_px = first.height_px;
+  stack.samples = first.pixel_type == 2 ? 3 : 1;
+  stack.bits = first.pixel_type == 1 ? 16 : 8;
   // A record that does not say how many bits count leaves all 16.
-  const int bits = first.pixel_type != 1 ? 8 : camera.bits > 8 ? camera.bits : 16;
-  const Tail tail{pixels_end, description_of(camera, count, bits),
-                  u16(8) + u16(8) + u16(8) + u16(0) + u16(255) + u16(255) + u16(255) + u16(0),
-                  u32(1000000) + u32(static_cast<std::uint64_t>(std::lround(pixel_um * 1e6))),
-                  bits};
-  const std::filesystem::path part = file.string() + ".part";
-  std::error_code ignored;  // of an export that was broken off
-  std::filesystem::remove(part, ignored);
-  const int out = create_new_file(part);
-  try {
-    // "II", little-endian, and TIFF's 42.
-    write_at(out, 0, u16(0x4949) + u16(42) + u32(tail.pages_at()), part);
-    std::string pages;
-    for (std::size_t i = 0; i < count; ++i) {
-      cv::Mat image = read_frame(data, *rows[i]);
-      if (first.pixel_type == 2) cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
-      const std::uint64_t at = 8 + i * first.bytes;
-      write_at(out, at, {reinterpret_cast<const char*>(image.data), first.bytes}, part);
-      pages += page(first, tail, at, i + 1 < count ? tail.pages_at() + (i + 1) * kDirectory : 0);
+  stack.significant_bits = first.pixel_type != 1 ? 8 : camera.bits > 8 ? camera.bits : 16;
+  stack.pixel = camera.effective_pixel;
+  return stack;
+}
+
+std::string exact_seconds(Time time) {
+  const std::int64_t ns = time.count();
+  return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", std::abs(ns / 1000000000),
+                     std::abs(ns % 1000000000));
+}
+
+std::string utc_of(std::int64_t t0, Time time) {
+  return utc_text(std::chrono::system_clock::time_point(
+      std::chrono::duration_cast<std::chrono::system_clock::duration>(std::chrono::nanoseconds(t0) +
+                                                                      time)));
+}
+
+/// ImageJ's own keys.
+/// ImageJ reads the first directory alone: by "images" it knows how many pictures follow it without
+/// a gap. `max` is the range of gray that it shows: of 12 bits in 16 all would be black.
+/// `finterval` is the camera's own, in s; where frames are missing the labels have the times.
+std::string imagej_text(const RunData& data, const RecordedCameraInfo& camera,
+                        const TiffStack& stack, std::size_t count) {
+  const double period = camera.frame_period * camera.every;
+  return fmt::format(
+      "ImageJ=1.53t\nimages={0}\nframes={0}\nhyperstack=true\nmode=grayscale\nunit=um\n"
+      "finterval={1}\nfps={2}\nmin=0\nmax={3}\ntunit=s\nt0_utc={4}\nclock={5}\nrun={6}\n",
+      count, period, period > 0 ? 1 / period : 0, (1U << stack.significant_bits) - 1,
+      t0_utc_text(data), clock_text(data), data.folder.filename().string());
+}
+
+/// "t=2.200000000 s  2026-11-21T13:30:02.323456Z  frame 17", so that it sorts by time.
+std::vector<std::string> imagej_labels(const RunData& data, Rows rows) {
+  const std::int64_t t0 = t0_utc_ns(data);
+  std::vector<std::string> labels;
+  for (const FrameRow* row : rows)
+    labels.push_back(fmt::format("t={} s  {}  frame {}", exact_seconds(row->exposed),
+                                 utc_of(t0, row->exposed), row->number));
+  return labels;
+}
+
+/// DeltaT is counted from AcquisitionDate, which is the zero of the run's clock.
+std::string ome_text(const RunData& data, const RecordedCameraInfo& camera, const TiffStack& stack,
+                     Rows rows) {
+  const std::string scale = stack.pixel > 0
+                                ? fmt::format(
+                                      "PhysicalSizeX=\"{0}\" PhysicalSizeXUnit=\"\xC2\xB5m\" "
+                                      "PhysicalSizeY=\"{0}\" PhysicalSizeYUnit=\"\xC2\xB5m\" ",
+                                      stack.pixel * 1e6)
+                                : "";
+  std::string text = fmt::format(
+      "<?xml version=\"1.0\" encoding=\"UTF-8\"?>"
+      "<OME xmlns=\"http://www.openmicroscopy.org/Schemas/OME/2016-06\" "
+      "xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" "
+      "xsi:schemaLocation=\"http://www.openmicroscopy.org/Schemas/OME/2016-06 "
+      "http://www.openmicroscopy.org/Schemas/OME/2016-06/ome.xsd\" Creator=\"vitreo\">"
+      "<Image ID=\"Image:0\" Name=\"{}\"><AcquisitionDate>{}</AcquisitionDate>"
+      "<Description>run {}, {}; DeltaT: {}</Description>"
+      "<Pixels ID=\"Pixels:0\" DimensionOrder=\"XYCZT\" Type=\"uint{}\" SignificantBits=\"{}\" "
+      "SizeX=\"{}\" SizeY=\"{}\" SizeC=\"{}\" SizeZ=\"1\" SizeT=\"{}\" {}BigEndian=\"false\" "
+      "Interleaved=\"{}\" TimeIncrement=\"{}\" TimeIncrementUnit=\"s\">"
+      "<Channel ID=\"Channel:0:0\" SamplesPerPixel=\"{}\"/>"
+      "<TiffData IFD=\"0\" PlaneCount=\"{}\"/>",
+      escape_markup(camera.camera), t0_utc_text(data),
+      escape_markup(data.folder.filename().string()), escape_markup(camera.identity),
+      clock_text(data), stack.bits, stack.significant_bits, stack.width_px, stack.height_px,
+      stack.samples, rows.size(), scale, stack.samples == 3 ? "true" : "false",
+      camera.frame_period * camera.every, stack.samples, rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    text += fmt::format("<Plane TheZ=\"0\" TheC=\"0\" TheT=\"{}\" DeltaT=\"{}\" DeltaTUnit=\"s\"/>",
+                        i, exact_seconds(rows[i]->exposed));
+  return text + "</Pixels></Image></OME>";
+}
+
+void write_pages(const RunData& data, const std::filesystem::path& file, const TiffStack& stack,
+                 Rows rows) {
+  cv::Mat image;
+  write_tiff_stack(file, stack, rows.size(), [&](std::size_t i) {
+    image = read_frame(data, *rows[i]);
+    if (stack.samples == 3) cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
+    return std::string_view(reinterpret_cast<const char*>(image.data), rows[i]->bytes);
+  });
+}
+
+/// A file a camera, and a new one where a file is full; each is whole by itself.
+template <class Describe>
+void export_stacks(const RunData& data, ExportFolder& folder, const std::string& ending,
+                   Describe describe) {
+  for (const RecordedCameraInfo& camera : data.cameras) {
+    const std::vector<const FrameRow*> frames = frames_of(data, camera.camera);
+    if (frames.empty()) continue;
+    TiffStack stack = stack_of(camera, *frames[0]);
+    const std::size_t in_one = tiff_capacity(stack);
+    for (std::size_t from = 0; from < frames.size(); from += in_one) {
+      const Rows rows = Rows(frames).subspan(from, std::min(in_one, frames.size() - from));
+      describe(camera, rows, stack);
+      write_pages(data, folder.add(slug(camera.camera, "camera"), ending), stack, rows);
     }
-    write_at(out, pixels_end, tail.description + tail.bits + tail.resolution + pages, part);
-  } catch (const std::exception&) {
-    close_file(out);
-    throw;
   }
-  close_file(out);
-  std::filesystem::rename(part, file);
 }
 
 }  // namespace
 
-Files export_tiff(const RunData& data, const std::filesystem::path& folder) {
-  Files files;
-  for (const RecordedCameraInfo& camera : data.cameras) {
-    const std::vector<const FrameRow*> rows = frames_of(data, camera.camera);
-    if (rows.empty()) continue;
-    // How many frames fit below 4 GB together with their directories.
-    const std::size_t in_one = std::max<std::size_t>(1, kLargest / (rows[0]->bytes + kDirectory));
-    for (std::size_t from = 0, number = 0; from < rows.size(); from += in_one, ++number) {
-      const std::string name = slug(camera.camera, "camera") +
-                               (number == 0 ? "" : "_" + std::to_string(number)) + ".tif";
-      write_stack(data, camera, rows.data() + from, std::min(in_one, rows.size() - from),
-                  folder / name);
-      files.push_back(folder / name);
-    }
-  }
-  return files;
+void export_tiff(const RunData& data, ExportFolder& folder) {
+  export_stacks(data, folder, ".tif",
+                [&](const RecordedCameraInfo& camera, Rows rows, TiffStack& stack) {
+                  stack.description = imagej_text(data, camera, stack, rows.size());
+                  stack.labels = imagej_labels(data, rows);
+                });
+}
+
+void export_ome(const RunData& data, ExportFolder& folder) {
+  export_stacks(data, folder, ".ome.tif",
+                [&](const RecordedCameraInfo& camera, Rows rows, TiffStack& stack) {
+                  stack.description = ome_text(data, camera, stack, rows);
+                });
 }
 
 }  // namespace vitreo

@@ -81,19 +81,26 @@ std::string_view first_characters(std::string_view text, std::size_t count) {
 
 // RFC 4648, section 4, with padding.
 // Three bytes make four digits of six bits; missing bytes of the last group are marked by '='.
+// The text has its length from the begin, for an image's has megabytes.
 std::string base64(std::span<const unsigned char> bytes) {
   constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    std::uint32_t group = std::uint32_t{bytes[i]} << 16;
-    if (i + 1 < bytes.size()) group |= std::uint32_t{bytes[i + 1]} << 8;
-    if (i + 2 < bytes.size()) group |= bytes[i + 2];
-    out += kDigits[group >> 18];
-    out += kDigits[group >> 12 & 63];
-    out += i + 1 < bytes.size() ? kDigits[group >> 6 & 63] : '=';
-    out += i + 2 < bytes.size() ? kDigits[group & 63] : '=';
+  std::string out((bytes.size() + 2) / 3 * 4, '=');
+  char* at = out.data();
+  const std::size_t whole = bytes.size() / 3 * 3;
+  for (std::size_t i = 0; i < whole; i += 3) {
+    const std::uint32_t group = std::uint32_t{bytes[i]} << 16 | std::uint32_t{bytes[i + 1]} << 8 |
+                                std::uint32_t{bytes[i + 2]};
+    *at++ = kDigits[group >> 18];
+    *at++ = kDigits[group >> 12 & 63];
+    *at++ = kDigits[group >> 6 & 63];
+    *at++ = kDigits[group & 63];
   }
+  if (whole == bytes.size()) return out;
+  std::uint32_t rest = std::uint32_t{bytes[whole]} << 16;
+  if (whole + 1 < bytes.size()) rest |= std::uint32_t{bytes[whole + 1]} << 8;
+  *at++ = kDigits[rest >> 18];
+  *at++ = kDigits[rest >> 12 & 63];
+  if (whole + 1 < bytes.size()) *at = kDigits[rest >> 6 & 63];
   return out;
 }
 

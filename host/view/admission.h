@@ -15,6 +15,8 @@ struct ViewRequest {
   std::filesystem::path token_file{};  // empty: each browser wants an invitation of its own
 };
 
+constexpr int kFoxglovePort = 8765;  // to which Foxglove and its kin connect by default
+
 /// Throws ConfigError naming the option: an address that is none, every address at once (the Host
 /// header of a request could not be checked then), one that other machines reach without a
 /// token file.

@@ -36,6 +36,7 @@ constexpr std::size_t kLongestHeader = 8 << 10;
 constexpr std::size_t kLongestBody = 64 << 10;
 constexpr std::size_t kLongestMessage = 64 << 10;
 constexpr std::size_t kMostQueued = 1 << 20;  // bytes of text that wait for one viewer
+constexpr std::size_t kMostData = 4 << 20;    // bytes of send_data() that wait for one viewer
 // Period of Callbacks::tick, in which frames and states are sent.
 constexpr auto kTick = std::chrono::milliseconds(10);
 // A viewer that sends more is dropped: a person clicks less.
@@ -171,6 +172,27 @@ struct WebServer::State {
     if (origin.empty()) return view_of(request[http::field::authorization]).starts_with("Bearer ");
     return origin.starts_with("http://") && is_ours(origin.substr(7));
   }
+  /// A program has no cookie, and the origin of one says nothing: the token in the address admits
+  /// it, which no page of another site knows.
+  bool admits(const Request& request) const {
+    constexpr std::string_view kToken = "?token=";
+    const std::string_view target = view_of(request.target());
+    const std::size_t at = target.find(kToken);
+    return at != std::string_view::npos && !settings.shared_token.empty() &&
+           equal(settings.shared_token, target.substr(at + kToken.size())) &&
+           !subprotocol_of(request).empty();
+  }
+  /// The first of ours that the request offers; "" where it offers none.
+  std::string subprotocol_of(const Request& request) const {
+    http::token_list offered(request[http::field::sec_websocket_protocol]);
+    for (const std::string& ours : settings.subprotocols)
+      if (offered.exists(ours)) return ours;
+    return "";
+  }
+  bool may_watch(const Request& request) {
+    if (!settings.subprotocols.empty()) return admits(request);
+    return view_of(request.target()) == "/live" && known(request) && may_upgrade(request);
+  }
   Response answer(const Request& request);
 };
 
@@ -198,6 +220,11 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
         [this](websocket::frame_type kind, beast::string_view) {
           if (kind == websocket::frame_type::ping && floods()) drop();
         });
+    if (const std::string chosen = state_.subprotocol_of(request); !chosen.empty())
+      socket_.set_option(
+          websocket::stream_base::decorator([chosen](websocket::response_type& response) {
+            response.set(http::field::sec_websocket_protocol, chosen);
+          }));
     socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
       if (error) return;
       self->state_.viewers[self->number_] = self;
@@ -220,6 +247,18 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
     frames_[slot] = std::move(bytes);
     write();
   }
+  void send_data(std::shared_ptr<const std::string> bytes) {
+    if (!open_) return;
+    data_bytes_ += bytes->size();
+    data_.push_back(std::move(bytes));
+    // The newest stays, however large.
+    for (; data_bytes_ > kMostData && data_.size() > 1; ++dropped_) {
+      data_bytes_ -= data_.front()->size();
+      data_.pop_front();
+    }
+    write();
+  }
+  std::uint64_t dropped() const { return dropped_; }
   bool busy(int slot) const {
     const auto found = frames_.find(slot);
     return (found != frames_.end() && found->second != nullptr) || slot_being_sent_ == slot;
@@ -255,13 +294,19 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
     return ++in_second_ > kMessagesPerSecond;
   }
   void write() {
-    // One write at a time, as Beast demands; texts go before frames.
+    // One write at a time, as Beast demands; texts go before data, and data before frames.
     if (writing_ || !open_) return;
     if (!texts_.empty()) {
       // Kept until the write is done: asio does not copy.
       sending_ = std::make_shared<const std::string>(std::move(texts_.front()));
       texts_.pop_front();
       socket_.text(true);
+    } else if (!data_.empty()) {
+      sending_ = std::move(data_.front());
+      data_.pop_front();
+      data_bytes_ -= sending_->size();
+      slot_being_sent_ = kDataSlot;
+      socket_.binary(true);
     } else {
       const auto next = std::find_if(frames_.begin(), frames_.end(),
                                      [](const auto& one) { return one.second != nullptr; });
@@ -274,10 +319,9 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
     socket_.async_write(asio::buffer(*sending_),
                         [self = shared_from_this()](beast::error_code error, std::size_t) {
                           self->writing_ = false;
-                          // It was a text.
-                          if (self->slot_being_sent_ < 0)
+                          if (self->slot_being_sent_ == kTextSlot)
                             self->queued_ -= std::min(self->queued_, self->sending_->size());
-                          self->slot_being_sent_ = -1;
+                          self->slot_being_sent_ = kTextSlot;
                           if (error) return self->drop();
                           self->write();
                         });
@@ -293,7 +337,12 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
   std::size_t queued_ = 0;
   std::map<int, std::shared_ptr<const std::string>> frames_;
   std::shared_ptr<const std::string> sending_;
-  int slot_being_sent_ = -1;
+  std::deque<std::shared_ptr<const std::string>> data_;
+  std::size_t data_bytes_ = 0;
+  std::uint64_t dropped_ = 0;
+  static constexpr int kTextSlot = -1;
+  static constexpr int kDataSlot = -2;
+  int slot_being_sent_ = kTextSlot;
   std::chrono::steady_clock::time_point second_began_{};
   int in_second_ = 0;
 };
@@ -322,9 +371,8 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
  private:
   void take(Request request) {
     // What is refused gets a plain HTTP answer.
-    if (websocket::is_upgrade(request) && view_of(request.target()) == "/live" &&
-        state_.is_ours(view_of(request[http::field::host])) && state_.known(request) &&
-        state_.may_upgrade(request) && state_.viewers.size() < state_.settings.most_viewers) {
+    if (websocket::is_upgrade(request) && state_.is_ours(view_of(request[http::field::host])) &&
+        state_.may_watch(request) && state_.viewers.size() < state_.settings.most_viewers) {
       // The viewer takes the connection over; this visitor ends with its handler.
       std::make_shared<Viewer>(state_, std::move(stream_), ++state_.last_viewer)->start(request);
       return;
@@ -361,6 +409,10 @@ Response WebServer::State::answer(const Request& request) {
   if (request.method() != http::verb::get && request.method() != http::verb::head)
     return reply(http::status::method_not_allowed,
                  "only GET: what changes something goes through the WebSocket\n");
+  if (!settings.subprotocols.empty())
+    return reply(http::status::forbidden,
+                 "this is a WebSocket for " + settings.subprotocols.front() +
+                     ", at the address that the program printed: it has a token in it\n");
   const std::string_view target = view_of(request.target());
   constexpr std::string_view kInvited = "/?token=";
   if (target.starts_with(kInvited)) {
@@ -461,6 +513,18 @@ void WebServer::send_frame(int viewer, int slot, std::shared_ptr<const std::stri
   if (found == state_->viewers.end()) return;
   const auto kept = found->second;
   kept->send_frame(slot, std::move(bytes));
+}
+
+void WebServer::send_data(int viewer, std::shared_ptr<const std::string> bytes) {
+  const auto found = state_->viewers.find(viewer);
+  if (found == state_->viewers.end()) return;
+  const auto kept = found->second;
+  kept->send_data(std::move(bytes));
+}
+
+std::uint64_t WebServer::dropped(int viewer) const {
+  const auto found = state_->viewers.find(viewer);
+  return found == state_->viewers.end() ? 0 : found->second->dropped();
 }
 
 bool WebServer::busy(int viewer, int slot) const {

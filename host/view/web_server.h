@@ -1,10 +1,11 @@
 // Web server of the live view: a table of files and one WebSocket, for browsers that a token has
-// admitted. It has a thread of its own and never waits for a viewer. Boost.Beast is included by
-// web_server.cpp alone.
+// admitted; or a WebSocket alone, for programs that speak a subprotocol. It has a thread of its own
+// and never waits for a viewer. Boost.Beast is included by web_server.cpp alone.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -30,6 +31,9 @@ struct ServerSettings {
   std::string shared_token{};
   /// With a request that does not come whole, and with a viewer that is silent.
   std::chrono::milliseconds patience = std::chrono::seconds(10);
+  /// Where there are some: no files; a WebSocket at any path that offers one of them is admitted by
+  /// "?token=" and the shared token in its address, the first of them that it offers chosen.
+  std::vector<std::string> subprotocols{};
 };
 
 /// 128 bits from the system's generator, as 32 hexadecimal digits.
@@ -62,6 +66,10 @@ class WebServer {
   /// Of each slot only the newest waits to be sent: a slow viewer sees fewer frames, not older
   /// ones.
   void send_frame(int viewer, int slot, std::shared_ptr<const std::string> bytes);
+  /// Binary, in order. What finds 4 MB waiting takes the place of the oldest that wait.
+  void send_data(int viewer, std::shared_ptr<const std::string> bytes);
+  /// Messages of send_data() that gave way, since the viewer joined.
+  std::uint64_t dropped(int viewer) const;
   /// Whether the viewer's last frame of that slot is on its way: encoding another one would be in
   /// vain.
   bool busy(int viewer, int slot) const;

@@ -48,11 +48,12 @@ inline const Strings kRig =
     with(with(with(kConfig, kFiles), kSafety), {"host/rig/", "optics/", "control/"});
 inline const Strings kRecord =
     with(with(with(kConfig, kFiles), kPlot), {"host/record/", "devices/time/", "devices/roles/"});
-inline const Strings kRuns = with(kRecord, {"host/runs/"});
+inline const Strings kChannels = with(kRecord, {"host/channels/"});
+inline const Strings kRuns = with(kChannels, {"host/runs/"});
 inline const Strings kServo = with(with(with(kRecord, kRig), kPure), {"host/servo/"});
 inline const Strings kSession = with(kServo, {"host/session/"});
 inline const Strings kEngine = with(with(kSession, kRuns), {"host/engine/"});
-inline const Strings kView = with(kSession, {"host/view/"});
+inline const Strings kView = with(kSession, {"host/view/", "host/channels/"});
 inline const Strings kTerminal = with(kSession, {"host/terminal/"});
 inline const Strings kTrials = with(kEngine, {"host/trials/"});
 inline const Strings kInterpreter = with(kSession, {"host/lua/interpreter/"});
@@ -180,6 +181,7 @@ inline const std::vector<Row> kTable{
     {"host/safety/", kSafety, {"devices/sim/"}, kOfHost, true},
     {"host/rig/", kRig, {}, kOfHost, true},
     {"host/record/", kRecord, {}, kOfHost, true},
+    {"host/channels/", kChannels, {}, kOfHost, true},
     {"host/runs/", kRuns, {}, kOfHost, true},
     {"host/servo/", kServo, {}, kOfHost, true},
     {"host/session/", kSession, {}, kOfHost, true},

@@ -283,8 +283,8 @@ TEST(CommandLine, SlipsOfThePenGetASuggestionOrWhatThereIs) {
            {"control stop now", "'now': stop takes no text"},
            {"runs --outcome finished", "--outcome: wants one of completed, failed, stopped"},
            {"runs --since yesterday", "--since: wants a time such as 2026-11-21"},
-           {"export last", "export: wants one of --csv, --mcap, --tiff, --mkv, --hdf5"},
-           {"export last --csv --tiff", "--tiff excludes --csv"},
+           {"export last", "export: wants --as with one or more of csv,mcap,tiff,ome,mkv,hdf5"},
+           {"export last --as csv,tif", "--as tif: is no format; did you mean tiff?"},
            {"docs safety here", "only stubs are written into a folder"},
            {"run idle.lua --view-port 70000", "70000"}}) {
     expect_refused(place, words, {answer});

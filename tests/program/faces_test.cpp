@@ -115,6 +115,7 @@ TEST(ShellCompletion, KnowsCommandsOptionsProtocolsParametersAndValues) {
       << "an option's value is no protocol";
   EXPECT_EQ(complete("run servo_square --rig calib"), "calibration\n");
   EXPECT_EQ(complete("runs --outcome st"), "stopped\n");
+  EXPECT_EQ(complete("export last --as mk"), "mkv\n");
   EXPECT_EQ(complete("docs saf"), "safety\nsafety_bad_input\nsafety_faults\n");
   EXPECT_EQ(complete("test hel"), "hello_rig\n");
   EXPECT_EQ(complete("new driver acme_stage st"), "stage\n");

@@ -122,15 +122,6 @@ TEST_F(Records, AreExportedAsCsv) {
   EXPECT_EQ(read[3], "said, \"with a comma\"");
 }
 
-TEST_F(Records, AreExportedAsMcap) {
-  ASSERT_EQ(place_->vitreo("export last --mcap --into out_mcap").exit_code, 0)
-      << place_->read("err");
-  const json read = json::parse(ask(reader("mcap_read.py") + "out_mcap/run.mcap"));
-  EXPECT_EQ(read["/servo"][0], shown()["samples"]["servo"]);
-  EXPECT_TRUE(read["/servo"][1].contains("target_x"));
-  EXPECT_EQ(read["/top_camera/image"][0], frames("top_camera"));
-}
-
 TEST_F(Records, AreExportedAsTiff) {
   ASSERT_EQ(place_->vitreo("export last --tiff --into out_tiff").exit_code, 0)
       << place_->read("err");
@@ -210,7 +201,6 @@ TEST_F(Records, TellWhatIsWrongWithARequest) {
   EXPECT_EQ(place_->vitreo("show nobody").exit_code, 2);
   EXPECT_NE(place_->read("err").find("nobody"), std::string::npos);
   EXPECT_EQ(place_->vitreo("export last").exit_code, 2);
-  EXPECT_EQ(place_->vitreo("export last --csv --tiff").exit_code, 2);
   EXPECT_EQ(place_->vitreo("run ./small.lua --frames nose_camera --out none").exit_code, 2);
   EXPECT_EQ(place_->vitreo("run ./small.lua --frames top_camera/0 --out none").exit_code, 2);
   EXPECT_FALSE(fs::exists(place_->folder() / "none"));

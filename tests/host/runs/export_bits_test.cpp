@@ -7,11 +7,13 @@
 #include "tests/host/record/run_fixture.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include <array>
 #include <cstdio>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -53,8 +55,13 @@ struct ExportBits : testing::Test {
     recorder.finish({Outcome::completed, "", 1, 1});
     data = read_run(recorder.folder());
   }
-  std::vector<cv::Mat> exported() {
-    const Files files = export_tiff(data, parent.path());
+  Files files_of(void (*format)(const RunData&, ExportFolder&)) const {
+    ExportFolder folder(parent.path() / "export", true);
+    format(data, folder);
+    return folder.publish();
+  }
+  std::vector<cv::Mat> exported(void (*format)(const RunData&, ExportFolder&) = export_tiff) {
+    const Files files = files_of(format);
     EXPECT_EQ(files.size(), 1U);
     tags = said("tiffinfo '" + files.at(0).string() + "' 2>&1");
     std::vector<cv::Mat> pages;
@@ -103,12 +110,56 @@ TEST_F(ExportBits, OfColorHaveItsThreeChannelsInTheirPlaces) {
   EXPECT_NE(tags.find("RGB color"), std::string::npos) << tags;
 }
 
+TEST_F(ExportBits, OfOmeTiffAreThoseOfTheStackForImageJ) {
+  Frame deep = frame_of(noise(13, 7, CV_8UC1, 1), 0);
+  deep.deep = noise(13, 7, CV_16UC1, 2);
+  deep.bits = 10;
+  record({deep, deep}, 10);
+  const std::vector<cv::Mat> pages = exported(export_ome);
+  ASSERT_EQ(pages.size(), 2U);
+  EXPECT_EQ(cv::norm(pages[1], deep.deep, cv::NORM_INF), 0);
+  EXPECT_NE(tags.find("SignificantBits=\"10\""), std::string::npos) << tags;
+  record({frame_of(noise(13, 7, CV_8UC3, 3), 0)}, 8);
+  const std::vector<cv::Mat> color = exported(export_ome);
+  ASSERT_EQ(color.size(), 1U);
+  EXPECT_EQ(cv::norm(color[0], noise(13, 7, CV_8UC3, 3), cv::NORM_INF), 0);
+}
+
+TEST_F(ExportBits, OfAFilmComeBackAsTheyWereForEveryKindOfFrame) {
+  // export_mkv decodes what it wrote and compares it with the record's CRC-32: it throws.
+  record({frame_of(noise(12, 8, CV_8UC3, 3), 0), frame_of(noise(12, 8, CV_8UC3, 4), 1000000)}, 8);
+  EXPECT_EQ(files_of(export_mkv).size(), 1U);
+  Frame deep = frame_of(noise(12, 8, CV_8UC1, 1), 0);
+  deep.deep = noise(12, 8, CV_16UC1, 2);
+  deep.bits = 16;
+  record({deep}, 16);
+  EXPECT_EQ(files_of(export_mkv).size(), 1U);
+}
+
+TEST_F(ExportBits, OfMoreThanEightInMcapAreImagesThatTheReferenceReaderTakes) {
+  if (!std::filesystem::exists(VITREO_OPEN_FORMATS_TEST "/node_modules/ajv"))
+    GTEST_SKIP() << "no npm packages in " VITREO_OPEN_FORMATS_TEST;
+  Frame deep = frame_of(noise(13, 7, CV_8UC1, 1), 0);
+  deep.deep = noise(13, 7, CV_16UC1, 2);
+  deep.bits = 12;
+  record({deep}, 12);
+  const Files files = files_of(export_mcap);
+  const auto read = nlohmann::json::parse(
+      said("node " VITREO_OPEN_FORMATS_TEST "/mcap_check.mjs '" + files.at(0).string() + "'"));
+  const auto& topic = read["topics"]["/top_camera/image"];
+  EXPECT_EQ(topic["schema"], "foxglove.RawImage");
+  EXPECT_TRUE(topic["faults"].empty()) << topic["faults"];
+  EXPECT_TRUE(topic["invalid"].empty()) << topic["invalid"];
+  EXPECT_EQ(topic["first"]["content"]["encoding"], "mono16");
+  EXPECT_EQ(topic["first"]["content"]["step"], 14);
+}
+
 TEST_F(ExportBits, InHdf5AreNamedBesideSixteenBitImages) {
   Frame frame = frame_of(noise(4, 3, CV_8UC1, 1), 0);
   frame.deep = cv::Mat(4, 3, CV_16UC1, cv::Scalar(0xFFF));
   frame.bits = 12;
   record({frame}, 12);
-  const Files files = export_hdf5(data, parent.path());
+  const Files files = files_of(export_hdf5);
   ASSERT_EQ(files.size(), 1U);
   const std::string bits =
       said("h5dump -d /frames/top_camera/bits '" + files[0].string() + "' 2>&1");

@@ -9,9 +9,12 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstdint>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 
 namespace vitreo::view {
 namespace {
@@ -262,6 +265,64 @@ TEST_F(Live, HasRoomForSoManyViewersAndNoMore) {
   }
   EXPECT_TRUE(soon([this] { return joined == 4; }));
   EXPECT_NE(status(ask(upgrade(ours, known))), 101);
+}
+
+/// A server for programs of one subprotocol.
+struct Subprotocol : testing::Test {
+  Subprotocol()
+      : server(settings(), {[this](int viewer) { last = viewer; }, [](int) {},
+                            [](int, const std::string&) {}, [this] { tick(); }}) {}
+  static ServerSettings settings() {
+    ServerSettings settings;
+    settings.shared_token = kShared;
+    settings.subprotocols = {"later.v2", "first.v1"};
+    return settings;
+  }
+  /// What there is to be sent is sent on the server's own thread.
+  void tick() {
+    for (; messages > 0 && last > 0; --messages)
+      server.send_data(last, std::make_shared<const std::string>(100000, 'x'));
+    if (last > 0) dropped = server.dropped(last);
+  }
+  std::string upgrade(const std::string& target, const std::string& offered) const {
+    std::string request = upgrade_request("127.0.0.1:" + std::to_string(server.port()), "",
+                                          "Sec-WebSocket-Protocol: " + offered + "\r\n");
+    request.replace(request.find("/live"), 5, target);
+    return request;
+  }
+  std::string answer(const std::string& target, const std::string& offered) {
+    Wire wire(server.port());
+    wire.say(upgrade(target, offered));
+    return wire.hear("\r\n\r\n");
+  }
+  std::atomic<int> last{0}, messages{0};
+  std::atomic<std::uint64_t> dropped{0};
+  WebServer server;
+};
+
+TEST_F(Subprotocol, IsChosenFromWhatIsOfferedAndAdmittedByTheTokenAlone) {
+  const std::string good = std::string("/?token=") + kShared;
+  EXPECT_NE(answer(good, "first.v1").find("Sec-WebSocket-Protocol: first.v1\r\n"),
+            std::string::npos);
+  EXPECT_NE(answer(good, "first.v1, later.v2").find("Sec-WebSocket-Protocol: later.v2\r\n"),
+            std::string::npos);
+  for (const auto& [target, offered] : {std::pair<std::string, std::string>{good, "other"},
+                                        {"/?token=", "first.v1"},
+                                        {"/", "first.v1"},
+                                        {"/?token=" + std::string(32, '0'), "first.v1"},
+                                        {good + "0", "first.v1"}})
+    EXPECT_EQ(answer(target, offered).substr(9, 3), "403") << target << " " << offered;
+}
+
+TEST_F(Subprotocol, DropsTheOldestOfWhatASlowProgramDoesNotRead) {
+  Wire slow(server.port());
+  slow.say(upgrade(std::string("/?token=") + kShared, "first.v1"));
+  slow.hear("\r\n\r\n");
+  messages = 1000;  // 100 MB, of which the system's buffers take a few
+  for (int i = 0; i < 300 && dropped == 0; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_GT(dropped, 800U);
+  EXPECT_LT(dropped, 1000U);
 }
 
 }  // namespace
