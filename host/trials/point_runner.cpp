@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/trials/point_runner.h"
 
+#include "host/record/disk_watch.h"
 #include "host/record/record_json.h"
 
 #include <fmt/format.h>
@@ -19,10 +20,9 @@ namespace {
 using namespace std::chrono_literals;
 using Moment = std::chrono::steady_clock::time_point;
 
-constexpr int kTries = 2;                         // of a point whose process dies
-constexpr std::uintmax_t kLeastSpace = 32 << 20;  // bytes, for a run and for what is said of it
-constexpr std::chrono::milliseconds kTurn = 1s;   // between two looks at the clock
-constexpr const char* kResult = "result ";        // begins the last line of a worker
+constexpr int kTries = 2;                        // of a point whose process dies
+constexpr std::chrono::milliseconds kTurn = 1s;  // between two looks at the clock
+constexpr const char* kResult = "result ";       // begins the last line of a worker
 
 /// One call of run_points(). Claims are taken as late as possible, one for each free process, so
 /// that others that share the folder find work too.
@@ -52,6 +52,8 @@ class Runner {
   void pass_stops();
   void give_up(const std::string& why);
   bool look_again();
+  bool is_full(std::size_t others) const;
+  std::string full_text() const;
   void note(const std::string& text) const {
     if (options_.note) options_.note(text);
   }
@@ -68,6 +70,22 @@ class Runner {
   bool told_ = false;
   std::string failure_;
 };
+
+/// Whether a run beside `others` could not begin, or would be stopped, by the recorder's own
+/// limits: that is no result of its point.
+bool Runner::is_full(std::size_t others) const {
+  const DiskLimits limits;
+  const bool frames = !folder_.head().value("frames", nlohmann::json::array()).empty();
+  return free_bytes(folder_.folder()) <
+         (frames ? limits.stop_bytes_with_frames : limits.stop_bytes) +
+             (others + 1) * limits.reserve_bytes;
+}
+
+std::string Runner::full_text() const {
+  return folder_.folder().string() +
+         ": the disk is full: " + size_text(free_bytes(folder_.folder())) +
+         " are free, too little for a run";
+}
 
 // The first failure is kept: those that follow from it say less.
 void Runner::give_up(const std::string& why) {
@@ -90,8 +108,7 @@ void Runner::start_some() {
     const std::size_t point = waiting_.front();
     waiting_.pop_front();
     try {
-      if (std::filesystem::space(folder_.folder()).available < kLeastSpace)
-        throw std::runtime_error(folder_.folder().string() + ": the disk is full");
+      if (is_full(under_way_.size())) throw std::runtime_error(full_text());
       if (auto claim = folder_.claim(point)) {
         if (claim->attempt() > 1) note(fmt::format("point {}: begun before, done again", point));
         start(point, std::move(claim), 1);
@@ -109,9 +126,9 @@ void Runner::start_some() {
 void Runner::finish(std::size_t point, nlohmann::json result, const Work& work) {
   const bool whole = result.value("outcome", "") == "completed";
   if (!whole && StopCount::count() > 0) return;  // it was told to: the claim is given back
-  if (!whole && std::filesystem::space(folder_.folder()).available < kLeastSpace)
-    return give_up(folder_.folder().string() + ": the disk is full (point " +
-                   std::to_string(point) + ": " + result.value("reason", "") + ")");
+  if (!whole && is_full(0))
+    return give_up(full_text() + " (point " + std::to_string(point) + ": " +
+                   result.value("reason", "") + ")");
   result["tries"] = work.tries;
   if (folder_.mark(point, result) && options_.finished) options_.finished(point, result);
   work.claim->keep();

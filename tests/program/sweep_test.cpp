@@ -92,6 +92,40 @@ TEST_F(SweepProgram, ListsVectorsAndRangesCanBeSwept) {
   EXPECT_NE(csv.find("0.006"), std::string::npos) << "-1 mm + 2 mm + 5 mm\n" << csv;
 }
 
+TEST_F(SweepProgram, AParameterOfSeveralNumbersIsBoundedAndRecorded) {
+  const Spoken run =
+      place_.vitreo("run chance.lua place=1,0,-1mm band=0.5..2mm gains=3 --rig fast");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const Spoken shown = place_.vitreo("show last");
+  EXPECT_NE(shown.out.find("1 mm, 0 mm, -1 mm"), std::string::npos) << shown.out;
+  const auto refused = [this](const std::string& words) {
+    return place_.vitreo("run chance.lua --rig fast " + words).err;
+  };
+  EXPECT_NE(refused("place=1,2mm").find("three numbers"), std::string::npos);
+  EXPECT_NE(refused("place=0,0,9mm").find("got 9mm"), std::string::npos);
+  EXPECT_NE(refused("place=1,2,3").find("has no unit: write"), std::string::npos);
+  EXPECT_NE(refused("band=2..1mm").find("least first"), std::string::npos);
+  EXPECT_NE(refused("band=1mm").find("wants a range, such as"), std::string::npos);
+  EXPECT_NE(refused("gains=1,-2").find("at least 0"), std::string::npos);
+}
+
+TEST_F(SweepProgram, ADeclarationOfSeveralNumbersIsChecked) {
+  const auto said = [this](const std::string& parameter) {
+    place_.write("p.lua", "return { title = 'p', parameters = { a = " + parameter +
+                              " }, run = function() end }");
+    return place_.vitreo("describe ./p.lua").err;
+  };
+  EXPECT_EQ(said("{ default = { 1, 2 }, min = 0 }"), "");
+  EXPECT_NE(said("{ default = {} }").find("a.default wants a number, several"), std::string::npos);
+  EXPECT_NE(said("{ default = { 1, 'b' } }").find("a.default wants"), std::string::npos);
+  EXPECT_NE(said("{ default = { 2, 1 }, range = true }").find("{least, most}"), std::string::npos);
+  EXPECT_NE(said("{ default = 2, range = true }").find("a.range is only for"), std::string::npos);
+  EXPECT_NE(said("{ default = { 1, 2 }, integer = true }").find("a.integer is only for numbers"),
+            std::string::npos);
+  EXPECT_NE(said("{ default = { 1, 5 }, max = 4 }").find("outside of its own range"),
+            std::string::npos);
+}
+
 TEST_F(SweepProgram, WhatIsWrongIsSaidBeforeAnythingIsMade) {
   const auto refused = [this](const std::string& words) {
     const Spoken said = place_.vitreo("sweep " + words);
@@ -131,6 +165,31 @@ TEST_F(SweepProgram, ComparePutsRunsOfASweepSideBySide) {
   const Spoken json = place_.vitreo("compare" + names + " --runs swept/runs --json");
   EXPECT_TRUE(nlohmann::json::parse(json.out)["differing"].contains("speed")) << json.out;
   EXPECT_EQ(place_.vitreo("compare last --runs swept/runs").exit_code, 2);
+}
+
+TEST_F(SweepProgram, OnAFullDiskItSaysSoAndLosesNothing) {
+  if (std::system("unshare -rm true 2>/dev/null") != 0)
+    GTEST_SKIP() << "this machine lets no user mount a small disk";
+  // A disk of 500 MB, of which 220 MB are left: less than the recorder begins with.
+  place_.write("steps.sh",
+               "set -u\nmkdir disk && mount -t tmpfs -o size=500m tmpfs disk || exit 9\n"
+               "dd if=/dev/zero of=disk/filler bs=1M count=280 2>/dev/null\n"
+               "sweep='sweep chance.lua speed=0.1..2mm/s:4 --rig fast --out disk/swept'\n"
+               "'" VITREO_PROGRAM
+               "' $sweep >full.out 2>full.err; echo $? >full.code\n"
+               "rm disk/filler\n"
+               "'" VITREO_PROGRAM
+               "' sweep --resume disk/swept >/dev/null 2>later.err\n"
+               "echo $? >later.code; cp disk/swept/sweep.csv later.csv\n");
+  const std::string command = "cd '" + place_.folder().string() +
+                              "' && VITREO_LOG=host.log XDG_RUNTIME_DIR=. unshare -rm sh steps.sh";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  EXPECT_EQ(place_.read("full.code"), "5\n");
+  EXPECT_NE(place_.read("full.err").find("the disk is full"), std::string::npos)
+      << place_.read("full.err");
+  EXPECT_NE(place_.read("full.err").find("--resume goes on"), std::string::npos);
+  EXPECT_EQ(place_.read("later.code"), "0\n") << place_.read("later.err");
+  EXPECT_EQ(lines(place_.read("later.csv")), 5U);
 }
 
 /// The program in the background, in a process of its own.
