@@ -153,8 +153,8 @@ Words value_words(const std::string& command, const std::string& option) {
 // then the shell offers its files.
 Words positional_words(Program& program, const std::string& command, const Words& bare,
                        const std::string& word) {
-  static const std::set<std::string> kOfProtocols{"run",  "describe", "check",
-                                                  "test", "soak",     "view"};
+  static const std::set<std::string> kOfProtocols{"run",  "describe", "check", "test",
+                                                  "soak", "sweep",    "view"};
   static const std::set<std::string> kOfRuns{"show",   "verify", "recover",
                                              "report", "export", "replay"};
   if (kOfProtocols.contains(command) && bare.empty()) return stems(Program::protocol_files());
@@ -166,6 +166,7 @@ Words positional_words(Program& program, const std::string& command, const Words
     return scripted::kinds();
   if (command == "docs" && bare.size() == 1 && bare.front() == "instrument")
     return instrument_names();
+  if (command == "compare") return run_words();
   if (!bare.empty()) return {};
   if (command == "control")
     return {"status", "pause", "resume", "stop", "abort", "emergency", "answer", "ack"};

@@ -15,29 +15,12 @@
 namespace vitreo::cli {
 namespace {
 
-// The words of the JSON, fixed independently of the enumerators' names: programs compare them.
-const char* kind_name(ParameterKind kind) {
-  switch (kind) {
-    case ParameterKind::number:
-      return "number";
-    case ParameterKind::integer:
-      return "integer";
-    case ParameterKind::flag:
-      return "flag";
-    case ParameterKind::choice:
-      return "choice";
-    case ParameterKind::text:
-      return "text";
-  }
-  return "?";
-}
-
 // SI. A bound that is not finite is left out, since JSON has no infinity.
 nlohmann::json describe_json(const ProtocolDescription& protocol) {
   nlohmann::json parameters = nlohmann::json::array();
   for (const Parameter& p : protocol.parameters) {
     nlohmann::json row = {
-        {"name", p.name}, {"kind", kind_name(p.kind)}, {"unit", p.unit}, {"help", p.help}};
+        {"name", p.name}, {"kind", to_string(p.kind)}, {"unit", p.unit}, {"help", p.help}};
     std::visit([&row](const auto& held) { row["default"] = held; }, p.fallback);
     if (std::isfinite(p.min)) row["min"] = p.min;
     if (std::isfinite(p.max)) row["max"] = p.max;
@@ -61,7 +44,7 @@ nlohmann::json describe_json(const ProtocolDescription& protocol) {
 std::string argument_example(const ProtocolDescription& protocol) {
   if (protocol.parameters.empty()) return "";
   const Parameter& p = protocol.parameters.front();
-  std::string value = p.required ? "..." : plain_value_text(p.fallback, p.unit);
+  std::string value = p.required ? "..." : plain_value_text(p, p.fallback);
   std::erase(value, ' ');
   return " " + p.name + "=" + value;
 }

@@ -11,6 +11,7 @@
 #include "host/files/log.h"
 #include "host/files/run_folder.h"
 #include "host/runs/run_reader.h"
+#include "host/trials/point_folder.h"
 
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
@@ -40,9 +41,11 @@ int dispatch(int count, char** words) {
   cli::add_control(line, program);
   cli::add_describe(line, program);
   cli::add_mask(line, program);
+  cli::add_sweep(line, program);
   cli::add_reproduce(line, program);
   cli::add_test(line, program);
   cli::add_records(line, program);
+  cli::add_compare(line, program);
   cli::add_devices(line, program);
   cli::add_doctor(line, program);
   cli::add_faults(line, program);
@@ -147,6 +150,8 @@ int main(int count, char** words) {
   } catch (const vitreo::Stopped&) {
     // Out of the dry run: once the record is open, a stop is an outcome and no exception (judge()).
     return fail("stopped by the operator before anything was opened", ExitCode::stopped);
+  } catch (const vitreo::SweepError& error) {
+    return fail(error.what(), ExitCode::usage);
   } catch (const vitreo::RecordError& error) {
     return fail(error.what(), ExitCode::usage);
   } catch (const vitreo::DeviceError& error) {

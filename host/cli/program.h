@@ -68,6 +68,7 @@ struct ProtocolOptions : RunOptions {
 // One for each row of main.cpp, in a file of its name.
 void add_run(CommandLine& line, Program& program);  // and the prompt: without a command
 void add_check(CommandLine& line, Program& program);
+void add_compare(CommandLine& line, Program& program);
 void add_control(CommandLine& line, Program& program);
 void add_describe(CommandLine& line, Program& program);
 void add_devices(CommandLine& line, Program& program);
@@ -75,6 +76,7 @@ void add_doctor(CommandLine& line, Program& program);
 void add_faults(CommandLine& line, Program& program);
 void add_mask(CommandLine& line, Program& program);
 void add_soak(CommandLine& line, Program& program);
+void add_sweep(CommandLine& line, Program& program);
 void add_reproduce(CommandLine& line, Program& program);
 void add_test(CommandLine& line, Program& program);
 void add_records(CommandLine& line, Program& program);

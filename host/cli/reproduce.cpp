@@ -30,6 +30,9 @@ struct ReproductionWords {
   bool json = false;
   bool brief = false;
   bool laboratory = false;
+  bool slurm = false;
+  int tasks = 16;
+  std::string resume;
 };
 
 /// The runs of the plan that were asked for; the short form leaves some out.
@@ -66,13 +69,14 @@ constexpr const char* kLaboratoryFile = "reproduction_laboratory.json";
 
 /// Behind real links, one after the other, for they keep real time. The numbers are the page's
 /// column from then on.
-int measure_laboratory(ReproduceRequest request, const fs::path& docs) {
+int measure_laboratory(Program& program, ReproduceRequest request, const fs::path& docs) {
   request.runs = laboratory_runs(request.runs);
   if (request.runs.empty())
     throw ConfigError("reproduce: none of these can run on the emulated laboratory");
   request.laboratory = true;
   request.processes = 1;
-  const std::vector<ReproducedRun> runs = reproduce(request, report);
+  request.slurm.reset();
+  const std::vector<ReproducedRun> runs = reproduce(program.engine(), request, report);
   keep_laboratory(runs, docs / kLaboratoryFile);
   fmt::print("written: {}\n", (docs / kLaboratoryFile).string());
   return std::all_of(runs.begin(), runs.end(),
@@ -81,8 +85,8 @@ int measure_laboratory(ReproduceRequest request, const fs::path& docs) {
              : 1;
 }
 
-// Each run is a process of its own (`vitreo run --json`), the same program as this one: the state
-// of one run cannot leak into the next, and the cores are used. The page in docs/ is written over
+// Each run is a process of its own: the state of one run cannot leak into the next, and the cores
+// are used. The page in docs/ is written over
 // only by the whole plan with its own settings.
 int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   const RigDescription plan = program.engine().load_rig(
@@ -90,7 +94,9 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   const std::vector<JoinedRow> joined = read_joined(plan);
   ReproduceRequest request;
   request.runs = chosen(plan, wanted);
-  request.program = fs::read_symlink("/proc/self/exe").string();
+  request.resume = wanted.resume;
+  if (wanted.slurm)
+    request.slurm = SlurmRequest{fs::read_symlink("/proc/self/exe").string(), wanted.tasks, {}};
   request.root = Program::in_data_folder(".");
   request.out = wanted.out;
   request.brief = wanted.brief;
@@ -98,8 +104,8 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   request.processes = wanted.processes > 0 ? wanted.processes : cores;
   const fs::path docs =
       wanted.docs.empty() ? fs::path(Program::in_data_folder("docs")) : fs::path(wanted.docs);
-  if (wanted.laboratory) return measure_laboratory(std::move(request), docs);
-  std::vector<ReproducedRun> runs = reproduce(request, report);
+  if (wanted.laboratory) return measure_laboratory(program, std::move(request), docs);
+  std::vector<ReproducedRun> runs = reproduce(program.engine(), request, report);
   join_laboratory(runs, docs / kLaboratoryFile);
   // Rows about several runs are missing by nature where only a part was run, so they count as
   // missed only for the whole plan.
@@ -148,6 +154,11 @@ void add_reproduce(CommandLine& line, Program& program) {
                "those that can on the emulated laboratory, in real time, for the page's column");
   command.option("--processes", wanted->processes, "runs at a time (default: one a core)")
       .between(1, 1000);
+  command.flag("--slurm", wanted->slurm, "the runs are tasks of an array job of Slurm");
+  command.option("--tasks", wanted->tasks, "with --slurm: of the array, at most (default: 16)")
+      .between(1, 1'000'000);
+  command.option("--resume", wanted->resume,
+                 "goes on with one that was cut short: the folder that it named");
   command.option("--out", wanted->out, "folder for the runs' folders and the page (default: runs)");
   command.option(
       "--docs", wanted->docs,

@@ -53,7 +53,7 @@ void print_before(ScriptEngine& engine, const RunRequest& request) {
     const auto known =
         std::find_if(protocol.parameters.begin(), protocol.parameters.end(),
                      [&key = name](const Parameter& one) { return one.name == key; });
-    fmt::print(stderr, "{} = {}\n", name, value_text(value, known->unit));
+    fmt::print(stderr, "{} = {}\n", name, value_text(*known, value));
   }
 }
 

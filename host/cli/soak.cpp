@@ -8,8 +8,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <limits>
+#include <thread>
 
 namespace vitreo::cli {
 namespace {
@@ -21,6 +23,7 @@ struct SoakWords : ProtocolOptions {
   std::uint64_t seeds = 100;
   std::uint64_t seed = kNone;  // only this one
   std::uint64_t run_seed = 1;
+  int jobs = 0;  // 0: one a core
 };
 
 // Two kinds of seeds: the plan's draws the disturbances, the run's the simulated rig. The latter is
@@ -31,6 +34,8 @@ int soak_protocol(Program& program, SoakWords& wanted) {
   request.run = wanted.complete(program);
   request.first = wanted.seed == kNone ? 1 : wanted.seed;
   request.count = wanted.seed == kNone ? wanted.seeds : 1;
+  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  request.jobs = wanted.jobs > 0 ? wanted.jobs : cores;
   // Flushed for each seed: a soak may run for hours, and is watched through a pipe or a log.
   const SoakResult result = soak(program.engine(), request, [&](const SoakedSeed& one) {
     fmt::print("{}", wanted.json ? dumped(to_json(one)) + "\n" : to_text(one));
@@ -57,6 +62,8 @@ void add_soak(CommandLine& line, Program& program) {
                  "name=value, with units: speed=0.5mm/s");
   command.option("--seeds", wanted->seeds, "how many (default: 100)").between(1, 1000000);
   command.option("--seed", wanted->seed, "only this one: it happens again as it did");
+  command.option("--jobs", wanted->jobs, "processes at a time (default: one a core)")
+      .between(1, 1000);
   command.option("--run-seed", wanted->run_seed, "of the simulated rig (default: 1)");
   command.option("--rig", wanted->request.where.rig_file,
                  "a rig's file or name (default: the protocol's own, else simulated)");

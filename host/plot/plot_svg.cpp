@@ -3,7 +3,7 @@
 
 #include "host/plot/plot_layout.h"
 #include "host/plot/plot_style.h"
-#include "host/text/markup.h"
+#include "host/plot/svg_parts.h"
 
 #include <fmt/format.h>
 
@@ -14,29 +14,6 @@ namespace {
 
 constexpr const char* kGrid = "#E7EAED";
 constexpr const char* kZero = "#B4BCC4";
-
-struct TextStyle {
-  double size = 11.5;
-  const char* anchor = "start";
-  const char* color = kInk;
-  const char* extra = "";
-};
-
-// Escaped here: a label may hold any text of a script.
-std::string text_svg(double x, double y, std::string_view text, const TextStyle& style) {
-  return fmt::format(
-      "<text x=\"{:.1f}\" y=\"{:.1f}\" font-size=\"{}\" text-anchor=\"{}\" fill=\"{}\"{}>{}</text>",
-      x, y, style.size, style.anchor, style.color, style.extra, escape_markup(text));
-}
-
-std::string line_svg(double x1, double y1, double x2, double y2, const char* color) {
-  return fmt::format(
-      "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\"/>", x1, y1, x2,
-      y2, color);
-}
-
-// A line of one pixel is sharp when its middle lies in the middle of a pixel.
-double crisp(double px) { return std::floor(px) + 0.5; }
 
 // The zero line is darker where values of both signs are shown; in a trajectory's view zero is no
 // special place.
@@ -133,13 +110,7 @@ std::string data_svg(const Drawing& drawing) {
 
 std::string to_svg(const Plot& plot, int width, int height) {
   const Drawing drawing = lay_out_plot(plot, width, height);
-  // No ids and no style sheet: many plots stand in one page and must not disturb each other.
-  std::string svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" "
-      "height=\"{1}\" role=\"img\" "
-      "font-family=\"Helvetica Neue, Helvetica, Arial, Liberation Sans, sans-serif\">"
-      "<title>{2}</title><rect width=\"{0}\" height=\"{1}\" fill=\"#FFFFFF\"/>",
-      drawing.width, drawing.height, escape_markup(plot.title));
+  std::string svg = open_svg(drawing.width, drawing.height, plot.title);
   if (!plot.title.empty()) {
     svg += text_svg(drawing.box.left, 21,
                     fitted(plot.title, 13.5, drawing.width - drawing.box.left - 12),

@@ -403,27 +403,6 @@ std::string source_section(const RunData& data) {
                      fold("Protocol " + start.protocol_file, start.protocol_text));
 }
 
-/// The document's {{name}}s replaced by their values. One pass: what stands in a value is not
-/// looked at, so no text of a run can name a part of the page.
-/// Every name must be known: a page with a slot that has no value throws std::out_of_range at the
-/// first report.
-std::string filled(std::string_view page,
-                   const std::map<std::string_view, std::string_view>& values) {
-  constexpr std::string_view kOpen = "{{";
-  constexpr std::string_view kClose = "}}";
-  std::string out;
-  for (std::size_t at = 0; at < page.size();) {
-    const std::size_t open = std::min(page.find(kOpen, at), page.size());
-    out += page.substr(at, open - at);
-    if (open == page.size()) break;
-    const std::size_t name = open + kOpen.size();
-    const std::size_t close = page.find(kClose, name);
-    out += values.at(page.substr(name, close - name));
-    at = close + kClose.size();
-  }
-  return out;
-}
-
 }  // namespace
 
 // A pure function of the record: no clock, no file. Sections in the order in which they are asked
@@ -437,12 +416,10 @@ std::string report_html(const RunData& data) {
                                event_section(data) + stream_section(data) + source_section(data);
   // The page's Content-Security-Policy makes the promise hold even for what a script managed to
   // smuggle in: nothing is loaded, nothing runs.
-  return filled(report_page(),
-                {{"title", escape_markup(start.protocol_title.empty() ? start.protocol_file
-                                                                      : start.protocol_title)},
-                 {"style", report_style()},
-                 {"sections", sections},
-                 {"run", escape_markup(data.folder.filename().string())}});
+  return filled_page(
+      {.title = start.protocol_title.empty() ? start.protocol_file : start.protocol_title,
+       .sections = sections,
+       .foot = data.folder.filename().string()});
 }
 
 }  // namespace vitreo

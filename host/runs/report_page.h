@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
 #include <string_view>
 
 namespace vitreo {
@@ -12,5 +13,14 @@ namespace vitreo {
 std::string_view report_page();
 /// The style sheet, for screen and paper.
 std::string_view report_style();
+
+/// A page of that look.
+struct PageParts {
+  std::string title;     // plain text
+  std::string sections;  // HTML
+  std::string foot;      // plain text
+  std::string style{};   // CSS beyond the report's
+};
+std::string filled_page(const PageParts& parts);
 
 }  // namespace vitreo

@@ -13,33 +13,44 @@ namespace {
 // A declared value is shown as it was written, not rounded to what a result has.
 constexpr int kValueDigits = 6;
 
-// Of a flag or a text; numbers have been handled by the caller.
-std::string word_of(const ArgumentValue& value) {
+/// `number` shows one number.
+template <class ShowNumber>
+std::string text_of(const Parameter& parameter, const ArgumentValue& value, const char* comma,
+                    ShowNumber number) {
   if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
-  return std::get<std::string>(value);
+  if (const auto* text = std::get_if<std::string>(&value)) return *text;
+  if (const double* one = std::get_if<double>(&value)) return number(*one);
+  std::string joined;
+  for (const double one : std::get<std::vector<double>>(value))
+    joined += (joined.empty()                           ? ""
+               : parameter.kind == ParameterKind::range ? ".."
+                                                        : comma) +
+              number(one);
+  return joined;
 }
 
 /// "one of a, b", "at least 1 mm", "1 mm to 3 mm"; "" where there is no bound.
 std::string range_text(const Parameter& p) {
   if (!p.choices.empty()) return fmt::format("one of {}", fmt::join(p.choices, ", "));
   if (!std::isfinite(p.min) && !std::isfinite(p.max)) return "";
-  if (!std::isfinite(p.max)) return "at least " + value_text(p.min, p.unit);
-  if (!std::isfinite(p.min)) return "at most " + value_text(p.max, p.unit);
-  return format_range(p.min, p.max, p.unit);
+  const std::string each = is_several(p.kind) ? "each " : "";
+  if (!std::isfinite(p.max)) return each + "at least " + value_text(p, p.min);
+  if (!std::isfinite(p.min)) return each + "at most " + value_text(p, p.max);
+  return each + format_range(p.min, p.max, p.unit);
 }
 
 }  // namespace
 
-std::string value_text(const ArgumentValue& value, const std::string& unit) {
-  if (const double* number = std::get_if<double>(&value))
-    return format_quantity(*number, unit, kValueDigits);
-  return word_of(value);
+std::string value_text(const Parameter& parameter, const ArgumentValue& value) {
+  return text_of(parameter, value, ", ", [&parameter](double number) {
+    return format_quantity(number, parameter.unit, kValueDigits);
+  });
 }
 
-std::string plain_value_text(const ArgumentValue& value, const std::string& unit) {
-  if (const double* number = std::get_if<double>(&value))
-    return plain_quantity(*number, unit, kValueDigits);
-  return word_of(value);
+std::string plain_value_text(const Parameter& parameter, const ArgumentValue& value) {
+  return text_of(parameter, value, ",", [&parameter](double number) {
+    return plain_quantity(number, parameter.unit, kValueDigits);
+  });
 }
 
 std::string protocol_text(const ProtocolDescription& protocol) {
@@ -54,7 +65,7 @@ std::string protocol_text(const ProtocolDescription& protocol) {
     const std::string range = range_text(p);
     // Name, default, help and range in columns.
     text += fmt::format("  {:<14} {:<12} {}{}{}\n", p.name,
-                        p.required ? "(needed)" : value_text(p.fallback, p.unit), p.help,
+                        p.required ? "(needed)" : value_text(p, p.fallback), p.help,
                         range.empty() || p.help.empty() ? "" : "; ", range);
   }
   return text;

@@ -1,8 +1,12 @@
 // Arguments of a protocol, written name=value, checked against its declaration.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
+#include "host/session/protocol_text.h"
 #include "host/session/script_engine.h"
 #include "host/text/columns.h"
+#include "host/text/quantity_list.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -36,10 +40,17 @@ std::string range_text(const Parameter& parameter, std::string_view dimension) {
 }
 
 /// The default as an argument: "speed=5um/s".
-std::string example(const Parameter& parameter, std::string_view dimension) {
-  std::string text = plain_quantity(std::get<double>(parameter.fallback), dimension);
+std::string example(const Parameter& parameter) {
+  std::string text = plain_value_text(parameter, parameter.fallback);
   std::erase(text, ' ');
   return parameter.name + "=" + text;
+}
+
+void check_bounds(const Parameter& parameter, double value, const std::string& text) {
+  if (value >= parameter.min && value <= parameter.max) return;
+  const auto unit = find_unit(parameter.unit);
+  fail(parameter.name,
+       "wants " + range_text(parameter, unit ? unit->dimension : "") + "; got " + text);
 }
 
 /// The value in SI. A bare number is accepted only for a parameter without dimension: 5 could be mm
@@ -48,7 +59,7 @@ double read_number(const Parameter& parameter, const std::string& text) {
   const auto unit = find_unit(parameter.unit);
   const std::string dimension(unit ? unit->dimension : "");
   const std::string wanted =
-      "wants " + quantity_name(dimension) + ", such as " + example(parameter, dimension);
+      "wants " + quantity_name(dimension) + ", such as " + example(parameter);
   const auto quantity = parse_quantity(text);
   if (!quantity)
     fail(parameter.name, wanted + "; '" + text + "' is not a number with a unit that is known");
@@ -59,9 +70,22 @@ double read_number(const Parameter& parameter, const std::string& text) {
     fail(parameter.name, wanted + "; " + text + " is " + quantity_name(quantity->dimension));
   if (parameter.kind == ParameterKind::integer && quantity->value != std::floor(quantity->value))
     fail(parameter.name, "wants a whole number; got " + text);
-  if (quantity->value < parameter.min || quantity->value > parameter.max)
-    fail(parameter.name, "wants " + range_text(parameter, dimension) + "; got " + text);
+  check_bounds(parameter, quantity->value, text);
   return quantity->value;
+}
+
+/// "0.1,0.5mm/s", "0,0,-3mm", "0.1..2mm/s".
+std::vector<double> read_several(const Parameter& parameter, const std::string& text) {
+  std::vector<std::string> items = split_list(text);
+  if (parameter.kind == ParameterKind::range) {
+    const auto ends = split_range(text);
+    if (!ends) fail(parameter.name, "wants a range, such as " + example(parameter));
+    items = {ends->first, ends->second};
+  }
+  std::vector<double> values;
+  for (const std::string& item : items) values.push_back(read_number(parameter, item));
+  check_several(parameter, values);
+  return values;
 }
 
 // Lower case only, as Lua writes them.
@@ -88,30 +112,83 @@ ArgumentValue read_argument(const Parameter& parameter, const std::string& text)
       return text;
     case ParameterKind::text:
       return text;
+    case ParameterKind::list:
+    case ParameterKind::vector:
+    case ParameterKind::range:
+      return read_several(parameter, text);
   }
   return text;
+}
+
+void check_several(const Parameter& parameter, const std::vector<double>& values) {
+  const bool vector = parameter.kind == ParameterKind::vector;
+  const bool range = parameter.kind == ParameterKind::range;
+  if (vector && values.size() != 3)
+    fail(parameter.name, fmt::format("wants three numbers, x, y and z, such as {}; got {}",
+                                     example(parameter), values.size()));
+  if (values.empty()) fail(parameter.name, "wants at least one number");
+  if (range && (values.size() != 2 || !(values[0] <= values[1])))
+    fail(parameter.name, "wants a range with the least first, such as " + example(parameter));
+  for (const double value : values)
+    check_bounds(parameter, value, format_quantity(value, parameter.unit));
+}
+
+// Seventeen digits at most: the shortest decimal that reads back as the same double.
+std::string argument_text(const Parameter& parameter, const ArgumentValue& value) {
+  if (const bool* const flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  if (const auto* const text = std::get_if<std::string>(&value)) return *text;
+  const auto unit = find_unit(parameter.unit);
+  const std::string dimension(unit ? unit->dimension : "");
+  const auto number = [&dimension](double one) { return fmt::format("{}{}", one, dimension); };
+  if (const double* const one = std::get_if<double>(&value)) return number(*one);
+  std::string joined;
+  for (const double one : std::get<std::vector<double>>(value))
+    joined += (joined.empty()                           ? ""
+               : parameter.kind == ParameterKind::range ? ".."
+                                                        : ",") +
+              number(one);
+  return joined;
+}
+
+const char* to_string(ParameterKind kind) {
+  constexpr const char* kNames[] = {"number", "integer", "flag",   "choice",
+                                    "text",   "list",    "vector", "range"};
+  return kNames[static_cast<std::size_t>(kind)];
+}
+
+bool is_several(ParameterKind kind) {
+  return kind == ParameterKind::list || kind == ParameterKind::vector ||
+         kind == ParameterKind::range;
+}
+
+bool is_numeric(ParameterKind kind) {
+  return kind == ParameterKind::number || kind == ParameterKind::integer || is_several(kind);
+}
+
+const Parameter& parameter_of(const ProtocolDescription& protocol, const std::string& word) {
+  std::vector<std::string> known;
+  for (const Parameter& parameter : protocol.parameters) known.push_back(parameter.name);
+  // The value may hold a "=" itself.
+  const std::size_t equals = word.find('=');
+  const std::string name = word.substr(0, equals);
+  if (equals == std::string::npos || name.empty())
+    throw ConfigError("'" + word + "' is not understood: parameters are written name=value");
+  const auto parameter = std::find(known.begin(), known.end(), name);
+  if (parameter == known.end())
+    fail(name, "is not a parameter of " + protocol.name + suggestion(name, known) +
+                   (known.empty() ? "; it has none" : "; it has " + listed(known)));
+  return protocol.parameters[static_cast<std::size_t>(parameter - known.begin())];
 }
 
 // Three passes: what was given, what is missing, what takes its default. The first problem throws,
 // and names the parameter.
 std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& protocol,
                                                      const std::vector<std::string>& words) {
-  std::vector<std::string> known;
-  for (const Parameter& parameter : protocol.parameters) known.push_back(parameter.name);
   std::map<std::string, ArgumentValue> values;
   for (const std::string& word : words) {
-    // The value may hold a "=" itself.
-    const std::size_t equals = word.find('=');
-    const std::string name = word.substr(0, equals);
-    if (equals == std::string::npos || name.empty())
-      throw ConfigError("'" + word + "' is not understood: parameters are written name=value");
-    const auto parameter = std::find(known.begin(), known.end(), name);
-    if (parameter == known.end())
-      fail(name, "is not a parameter of " + protocol.name + suggestion(name, known) +
-                     (known.empty() ? "; it has none" : "; it has " + listed(known)));
-    if (values.contains(name)) fail(name, "is given twice");
-    const auto at = static_cast<std::size_t>(parameter - known.begin());
-    values[name] = read_argument(protocol.parameters[at], word.substr(equals + 1));
+    const Parameter& parameter = parameter_of(protocol, word);
+    if (values.contains(parameter.name)) fail(parameter.name, "is given twice");
+    values[parameter.name] = read_argument(parameter, word.substr(word.find('=') + 1));
   }
   for (const Parameter& parameter : protocol.parameters)
     if (parameter.required && !values.contains(parameter.name))

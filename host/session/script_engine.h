@@ -19,9 +19,16 @@ namespace vitreo {
 class LineEditor;
 class Session;
 
-using ArgumentValue = std::variant<bool, double, std::string>;  // numbers in SI
+/// Numbers in SI. Several of them: a list, a vector (x, y, z) or a range (least, most).
+using ArgumentValue = std::variant<bool, double, std::string, std::vector<double>>;
 
-enum class ParameterKind { number, integer, flag, choice, text };
+enum class ParameterKind { number, integer, flag, choice, text, list, vector, range };
+/// "number", as programs compare it.
+const char* to_string(ParameterKind kind);
+/// Whether a parameter has unit and bounds: a number, or several.
+bool is_numeric(ParameterKind kind);
+/// Whether its value is several numbers: a list, a vector or a range.
+bool is_several(ParameterKind kind);
 
 struct Parameter {
   std::string name;
@@ -30,8 +37,9 @@ struct Parameter {
   /// As the protocol declares it, e.g. "mm/s"; its dimension is what a value must have.
   std::string unit;
   ArgumentValue fallback;
-  double min = -std::numeric_limits<double>::infinity();  // SI
-  double max = std::numeric_limits<double>::infinity();   // SI
+  // SI; of several numbers, for each
+  double min = -std::numeric_limits<double>::infinity();
+  double max = std::numeric_limits<double>::infinity();
   std::vector<std::string> choices;
   bool required = false;  // a text that must be given: there is no sensible default
 };
@@ -80,8 +88,19 @@ class ScriptError : public std::runtime_error {
 std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& protocol,
                                                      const std::vector<std::string>& words);
 
-/// One value as people write it, "5um"; throws ConfigError naming the parameter and what it wants.
+/// One value as people write it, "5um", "0.1,0.5mm/s", "0.1..2mm/s"; throws ConfigError naming the
+/// parameter and what it wants.
 ArgumentValue read_argument(const Parameter& parameter, const std::string& text);
+
+/// A value so that read_argument() gives it back to the bit: "5e-06m".
+std::string argument_text(const Parameter& parameter, const ArgumentValue& value);
+
+/// The parameter of "name=value". Throws ConfigError naming the ones there are.
+const Parameter& parameter_of(const ProtocolDescription& protocol, const std::string& word);
+
+/// Several numbers as the parameter's kind wants them: three of a vector, two ascending ones of a
+/// range, each within the bounds. Throws ConfigError.
+void check_several(const Parameter& parameter, const std::vector<double>& values);
 
 class ScriptEngine {
  public:

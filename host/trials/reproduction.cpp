@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/trials/reproduction.h"
 
+#include "host/engine/versions.h"
 #include "host/files/child_process.h"
+#include "host/files/run_folder.h"
 #include "host/text/columns.h"
+#include "host/trials/point_execution.h"
 #include "host/trials/silent_listener.h"
+#include "host/trials/sweep_plan.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <fstream>
-#include <mutex>
-#include <sstream>
-#include <thread>
 
 namespace vitreo {
 namespace {
@@ -23,24 +23,30 @@ namespace fs = std::filesystem;
 // Thesis and simulation are compared to their fourth digit.
 constexpr int kQuantityDigits = 4;
 
-// Paths below `root` and no names: a protocol of that name in another place must not be taken
-// instead.
-std::vector<std::string> command_of(const ReproduceRequest& request, const PlannedRun& run) {
-  const fs::path root = request.root;
-  const std::string seed = std::to_string(run.seed);
-  const std::string& name = request.laboratory ? run.laboratory : run.rig;
-  const std::string rig = (root / "scripts" / "rigs" / (name + ".lua")).string();
-  std::vector<std::string> words;
-  if (request.laboratory) words = {request.program, "emulate", rig, "--seed", seed, "--"};
-  for (const std::string& word : std::initializer_list<std::string>{
-           request.program, "run", (root / "protocols" / (run.protocol + ".lua")).string(),
-           "--json", "--rig", rig, "--seed", seed, "--out", request.out.string()})
-    words.push_back(word);
+/// What is done for one run of the plan, for its point. Paths below `root` and no names: a protocol
+/// of that name in another place must not be taken instead.
+nlohmann::json point_of(const ReproduceRequest& request, const PlannedRun& run) {
+  const fs::path root = fs::absolute(request.root);
+  const std::string& rig = request.laboratory ? run.laboratory : run.rig;
   const std::string& arguments = request.laboratory ? run.laboratory_arguments
                                  : request.brief    ? run.brief
                                                     : run.arguments;
-  for (std::string& word : words_of(arguments)) words.push_back(std::move(word));
-  return words;
+  return {{"key", run.key},
+          {"protocol", (root / "protocols" / (run.protocol + ".lua")).lexically_normal().string()},
+          {"rig", (root / "scripts" / "rigs" / (rig + ".lua")).lexically_normal().string()},
+          {"seed", run.seed},
+          {"arguments", words_of(arguments)},
+          {"laboratory", request.laboratory},
+          {"out", fs::absolute(request.out).lexically_normal().string()}};
+}
+
+PointPlan reproduction_plan(const ReproduceRequest& request) {
+  PointPlan plan{{{"kind", kReproductionKind}, {"versions", versions()}}, {}};
+  for (const PlannedRun& run : request.runs) {
+    nlohmann::json what = point_of(request, run);
+    plan.points.push_back({point_key(what), std::move(what)});
+  }
+  return plan;
 }
 
 /// The reply of `run --json`, the last line: before it the instruments' addresses may stand.
@@ -92,33 +98,46 @@ void read_rows(ReproducedRun& run) {
   }
 }
 
-/// One run in a process of its own, asked and answered as on the command line (--json).
+/// Among emulated instruments, behind real links: `vitreo emulate RIG -- vitreo run ... --json`.
 /// The pipe is read to its end before the process is waited for: a child whose output fills the
 /// pipe would never end. Reading stops when the child closes its standard output.
-ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
-  ReproducedRun done;
-  done.plan = plan;
-  ChildProcess child(command_of(request, plan), ChildProcess::Pipe::from_output);
+nlohmann::json run_in_laboratory(const nlohmann::json& what) {
+  const std::string self = fs::read_symlink("/proc/self/exe").string();
+  const std::string rig = what.at("rig");
+  const std::string seed = std::to_string(what.at("seed").get<std::uint64_t>());
+  std::vector<std::string> words{self, "emulate", rig, "--seed", seed, "--", self, "run"};
+  for (const std::string& word : std::initializer_list<std::string>{
+           what.at("protocol"), "--json", "--rig", rig, "--seed", seed, "--out", what.at("out")})
+    words.push_back(word);
+  for (const nlohmann::json& word : what.at("arguments")) words.push_back(word);
+  ChildProcess child(words, ChildProcess::Pipe::from_output);
   std::string said;
   char part[4096];
   for (std::size_t got = 0; (got = child.read(part, sizeof part)) > 0;) said.append(part, got);
   const int code = child.finish();
   const nlohmann::json reply = reply_in(std::move(said));
-  if (reply.is_discarded() || !reply.is_object()) {
-    done.outcome = "failed";
-    done.reason = fmt::format("the program ended with {} and said nothing", code);
-    return done;
-  }
-  if (reply.contains("error")) {  // it did not come to a run
-    done.outcome = "failed";
-    done.reason = text_of(reply, "error");
-    return done;
-  }
-  done.outcome = text_of(reply, "outcome");
-  done.reason = text_of(reply, "reason");
-  done.folder = text_of(reply, "run");
-  // As the run's own record has it; 0 where it did not get so far.
-  done.wall_time = reply.value("/results/wall_time"_json_pointer, 0.0);
+  if (!reply.is_object())
+    return {{"outcome", "failed"},
+            {"reason", fmt::format("the program ended with {} and said nothing", code)}};
+  if (reply.contains("error"))  // it did not come to a run
+    return {{"outcome", "failed"}, {"reason", text_of(reply, "error")}};
+  return {{"outcome", text_of(reply, "outcome")},
+          {"reason", text_of(reply, "reason")},
+          {"run", fs::path(text_of(reply, "run")).filename().string()},
+          {"wall_time", reply.value("/results/wall_time"_json_pointer, 0.0)}};
+}
+
+/// The run of a point from its mark.
+ReproducedRun reproduced(const PlannedRun& plan, const nlohmann::json& what,
+                         const nlohmann::json& result) {
+  ReproducedRun done;
+  done.plan = plan;
+  done.outcome = text_of(result, "outcome");
+  if (done.outcome == "refused") done.outcome = "failed";  // it did not come to a run
+  done.reason = text_of(result, "reason");
+  const std::string run = text_of(result, "run");
+  if (!run.empty()) done.folder = (fs::path(what.at("out").get<std::string>()) / run).string();
+  done.wall_time = result.value("wall_time", 0.0);
   if (done.outcome == "completed") read_rows(done);
   return done;
 }
@@ -245,34 +264,48 @@ std::vector<PlannedRun> read_plan(const RigDescription& file) {
   return runs;
 }
 
-std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
+nlohmann::json run_reproduction_point(ScriptEngine& engine, const nlohmann::json& what) {
+  if (what.at("laboratory").get<bool>()) return run_in_laboratory(what);
+  RunRequest request;
+  request.what.protocol_file = what.at("protocol");
+  request.what.arguments = what.at("arguments").get<std::vector<std::string>>();
+  request.where.rig_file = what.at("rig");
+  request.where.out = what.at("out");
+  request.how.seed = what.at("seed").get<std::uint64_t>();
+  return run_request_point(engine, request);
+}
+
+// The marks are of use only until all is done: the runs' own folders say everything afterwards.
+std::vector<ReproducedRun> reproduce(ScriptEngine& engine, const ReproduceRequest& request,
                                      const std::function<void(const ReproducedRun&)>& report) {
-  // One slot a run, written by one worker each: results keep the plan's order whatever order they
-  // end in, and need no lock.
-  std::vector<ReproducedRun> done(request.runs.size());
-  std::atomic<std::size_t> next{0};
-  std::mutex reporting;
-  std::exception_ptr failure;
-  // Each worker takes the next run that is left; the first failure ends the taking.
-  const auto work = [&] {
-    for (std::size_t i = next++; i < request.runs.size(); i = next++) {
-      try {
-        done[i] = run_one(request, request.runs[i]);
-        const std::lock_guard lock(reporting);
-        report(done[i]);
-      } catch (...) {
-        const std::lock_guard lock(reporting);
-        failure = std::current_exception();
-        // Runs that are under way are still waited for; the failure goes on after the join.
-        next = request.runs.size();
-      }
-    }
+  const PointFolder folder = request.resume.empty()
+                                 ? PointFolder::create(make_run_folder(request.out, "reproduction"),
+                                                       reproduction_plan(request))
+                                 : PointFolder(request.resume);
+  const PointPlan wanted = reproduction_plan(request);
+  for (std::size_t i = 0; i < wanted.points.size(); ++i)
+    if (folder.points().size() != wanted.points.size() ||
+        folder.points()[i].key != wanted.points[i].key)
+      throw SweepError(folder.folder().string() + ": is not of these runs, and cannot go on");
+  const auto run_of = [&](std::size_t point, const nlohmann::json& result) {
+    return reproduced(request.runs[point], folder.points()[point].what, result);
   };
-  std::vector<std::thread> workers;
-  for (int i = 1; i < std::max(request.processes, 1); ++i) workers.emplace_back(work);
-  work();
-  for (std::thread& worker : workers) worker.join();
-  if (failure) std::rethrow_exception(failure);
+  ExecuteOptions options;
+  options.jobs = std::max(request.processes, 1);
+  options.slurm = request.slurm;
+  options.finished = [&](std::size_t point, const nlohmann::json& result) {
+    report(run_of(point, result));
+  };
+  const PointBody body = [&engine](const PlannedPoint& planned, std::size_t, const SayLine&) {
+    return run_reproduction_point(engine, planned.what);
+  };
+  if (execute_points(folder, body, options) != RunnerEnd::all_done)
+    throw std::runtime_error("not all runs are done; vitreo reproduce --resume " +
+                             folder.folder().string() + " goes on");
+  std::vector<ReproducedRun> done;
+  for (std::size_t i = 0; i < request.runs.size(); ++i)
+    done.push_back(run_of(i, folder.result(i).value()));
+  fs::remove_all(folder.folder());
   return done;
 }
 

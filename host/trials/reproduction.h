@@ -5,6 +5,8 @@
 #pragma once
 
 #include "host/config/config.h"
+#include "host/session/script_engine.h"
+#include "host/trials/sweep_slurm.h"
 
 #include <nlohmann/json.hpp>
 
@@ -62,18 +64,24 @@ struct ReproducedRun {
 
 struct ReproduceRequest {
   std::vector<PlannedRun> runs;
-  std::string program;        // that is started for each
-  std::string root;           // where protocols/ and scripts/ are
-  std::filesystem::path out;  // the folder for the runs' folders
-  int processes = 1;          // at a time
-  bool brief = false;         // the short form of each
-  bool laboratory = false;    // each on its `laboratory`, behind real links, in real time
+  std::string root;                // where protocols/ and scripts/ are
+  std::filesystem::path out;       // the folder for the runs' folders
+  std::filesystem::path resume{};  // the folder of the marks of one that was cut short
+  std::optional<SlurmRequest> slurm{};
+  int processes = 1;        // at a time, without Slurm
+  bool brief = false;       // the short form of each
+  bool laboratory = false;  // each on its `laboratory`, behind real links, in real time
 };
 
-/// Runs them all; `report` is called as each ends. A run that failed has its reason and no rows.
-/// Throws std::runtime_error when the program cannot be started at all.
-std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
+/// Runs them all, as the points of a plan (host/trials/point_folder.h); `report` is called as each
+/// ends. A run that failed has its reason and no rows. Throws std::runtime_error where not all
+/// could be done: it names the folder with which to go on.
+std::vector<ReproducedRun> reproduce(ScriptEngine& engine, const ReproduceRequest& request,
                                      const std::function<void(const ReproducedRun&)>& report);
+
+/// The run at a point of such a plan.
+constexpr const char* kReproductionKind = "reproduction";
+nlohmann::json run_reproduction_point(ScriptEngine& engine, const nlohmann::json& what);
 
 /// Whether a verdict is one of those that ask for a reason.
 bool is_missed(const std::string& verdict);

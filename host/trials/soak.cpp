@@ -2,9 +2,12 @@
 #include "host/trials/soak.h"
 
 #include "host/config/config.h"
+#include "host/engine/request_check.h"
 #include "host/files/digest.h"
+#include "host/files/run_folder.h"
 #include "host/rig/registry.h"
 #include "host/session/session.h"
+#include "host/trials/point_execution.h"
 #include "host/trials/silent_listener.h"
 #include "host/trials/soak_check.h"
 
@@ -61,7 +64,7 @@ class Soak {
   Soak& operator=(const Soak&) = delete;
 
   void run_undisturbed();
-  SoakResult run(const std::function<void(const SoakedSeed&)>& report);
+  void run(const std::function<void(const SoakedSeed&)>& report);
 
  private:
   struct Worker {
@@ -98,7 +101,9 @@ class Soak {
 /// this one to the bit.
 void Soak::run_undisturbed() {
   RunRequest alone = request_.run;
-  alone.where.out = (fs::path(request_.run.where.out) / "soak_reference").string();
+  alone.where.out =
+      (fs::path(request_.run.where.out) / fmt::format("soak_reference_{:06}", request_.first))
+          .string();
   SilentListener quiet;
   const RunResult result =
       run_protocol(engine_, alone, quiet, [this](const Recorder& recorder, OpenRig&) {
@@ -293,28 +298,18 @@ SoakedSeed Soak::result_of(Worker& worker, std::uint64_t seed) {
 }
 
 /// One worker at a time; a new one takes over after a seed that killed or stuck its process.
-SoakResult Soak::run(const std::function<void(const SoakedSeed&)>& report) {
-  const auto began = std::chrono::steady_clock::now();
-  SoakResult result;
+void Soak::run(const std::function<void(const SoakedSeed&)>& report) {
   Worker worker;
   for (std::uint64_t seed = request_.first; seed < request_.first + request_.count; ++seed) {
     if (worker.process < 0) worker = start_worker(seed);
     const SoakedSeed one = result_of(worker, seed);
-    ++result.seeds;
-    ++result.outcomes[one.outcome];
-    result.violations += one.violations.size();
-    if (one.violations.empty())
-      fs::remove_all(folder_of(seed));
-    else
-      result.bad_seeds.push_back(seed);
+    if (one.violations.empty()) fs::remove_all(folder_of(seed));
     report(one);
   }
   if (worker.process >= 0) {
     ::close(worker.pipe);
     ::waitpid(worker.process, nullptr, 0);
   }
-  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-  return result;
 }
 
 }  // namespace
@@ -327,6 +322,99 @@ nlohmann::json to_json(const SoakResult& result) {
           {"wall_time", result.seconds}};
 }
 
+namespace {
+
+constexpr std::uint64_t kLeastGroup = 16;  // seeds: fewer would not show what leaks
+
+/// Seeds in groups that keep all processes busy to the end.
+PointPlan soak_groups(const SoakRequest& request) {
+  const RunRequest& run = request.run;
+  PointPlan plan{{{"kind", kSoakKind},
+                  {"protocol", run.what.protocol_file},
+                  {"arguments", run.what.arguments},
+                  {"rig", run.where.rig_file},
+                  {"out", fs::absolute(run.where.out).lexically_normal().string()},
+                  {"seed", run.how.seed},
+                  {"patience", request.patience.count()}},
+                 {}};
+  const auto jobs = static_cast<std::uint64_t>(std::max(request.jobs, 1));
+  const std::uint64_t group =
+      jobs == 1 ? request.count : std::max(kLeastGroup, request.count / (4 * jobs));
+  for (std::uint64_t done = 0; done < request.count; done += group) {
+    const nlohmann::json what = {{"first", request.first + done},
+                                 {"count", std::min(group, request.count - done)}};
+    plan.points.push_back({point_key(what), what});
+  }
+  return plan;
+}
+
+SoakedSeed soaked_seed(const nlohmann::json& said) {
+  return {said.at("seed"),    said.at("plan"),   said.at("ending"),
+          said.at("outcome"), said.at("digest"), said.at("violations")};
+}
+
+/// Lines of the groups in the order of the seeds: those of a later group wait.
+class InOrder {
+ public:
+  InOrder(std::size_t groups, std::function<void(const std::string&)> take)
+      : waiting_(groups), ended_(groups, false), take_(std::move(take)) {}
+  void said(std::size_t group, const std::string& line) {
+    waiting_[group].push_back(line);
+    drain();
+  }
+  void ended(std::size_t group) {
+    ended_[group] = true;
+    drain();
+  }
+
+ private:
+  void drain() {
+    for (; next_ < waiting_.size(); ++next_) {
+      for (const std::string& line : waiting_[next_]) take_(line);
+      waiting_[next_].clear();
+      if (!ended_[next_]) return;
+    }
+  }
+  std::vector<std::vector<std::string>> waiting_;
+  std::vector<bool> ended_;
+  std::size_t next_ = 0;
+  std::function<void(const std::string&)> take_;
+};
+
+void add_seed(SoakResult& result, const SoakedSeed& one) {
+  ++result.seeds;
+  ++result.outcomes[one.outcome];
+  result.violations += one.violations.size();
+  if (!one.violations.empty()) result.bad_seeds.push_back(one.seed);
+}
+
+}  // namespace
+
+// What is wrong with the request is said by the group that finds it, and again by this process.
+nlohmann::json run_soak_point(ScriptEngine& engine, const nlohmann::json& head,
+                              const nlohmann::json& what,
+                              const std::function<void(const std::string&)>& say) {
+  SoakRequest request;
+  request.run.what.protocol_file = head.at("protocol");
+  request.run.what.arguments = head.at("arguments").get<std::vector<std::string>>();
+  request.run.where.rig_file = head.at("rig");
+  request.run.where.out = head.at("out");
+  request.run.how.seed = head.at("seed").get<std::uint64_t>();
+  request.patience = std::chrono::seconds(head.at("patience").get<std::int64_t>());
+  request.first = what.at("first").get<std::uint64_t>();
+  request.count = what.at("count").get<std::uint64_t>();
+  try {
+    Soak soaking(engine, request);
+    soaking.run_undisturbed();
+    soaking.run([&say](const SoakedSeed& one) {
+      say(to_json(one).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    });
+  } catch (const std::exception& error) {
+    return {{"outcome", "refused"}, {"reason", error.what()}};
+  }
+  return {{"outcome", "completed"}};
+}
+
 // Real instruments are refused before anything else: faults are injected, and processes killed in
 // the middle of a motion.
 SoakResult soak(ScriptEngine& engine, const SoakRequest& request,
@@ -335,9 +423,33 @@ SoakResult soak(ScriptEngine& engine, const SoakRequest& request,
     throw ConfigError("soak: " + request.run.where.rig_file +
                       " has real instruments: only a rig that is simulated throughout "
                       "is broken on purpose");
-  Soak soaking(engine, request);
-  soaking.run_undisturbed();
-  return soaking.run(report);
+  check_request(engine, request.run);
+  const auto began = std::chrono::steady_clock::now();
+  const PointFolder folder =
+      PointFolder::create(make_run_folder(request.run.where.out, "soak"), soak_groups(request));
+  SoakResult result;
+  InOrder lines(folder.points().size(), [&](const std::string& line) {
+    const SoakedSeed one = soaked_seed(nlohmann::json::parse(line));
+    add_seed(result, one);
+    report(one);
+  });
+  std::string refusal;
+  ExecuteOptions options;
+  options.jobs = request.jobs;
+  options.said = [&lines](std::size_t group, const std::string& line) { lines.said(group, line); };
+  options.finished = [&](std::size_t group, const nlohmann::json& mark) {
+    if (mark.at("outcome") != "completed") refusal = mark.value("reason", "");
+    lines.ended(group);
+  };
+  const PointBody body = [&](const PlannedPoint& planned, std::size_t, const SayLine& say) {
+    return run_soak_point(engine, folder.head(), planned.what, say);
+  };
+  const RunnerEnd end = execute_points(folder, body, options);
+  fs::remove_all(folder.folder());
+  if (!refusal.empty()) throw ConfigError(refusal);
+  if (end != RunnerEnd::all_done) throw std::runtime_error("soak: stopped before its end");
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  return result;
 }
 
 }  // namespace vitreo

@@ -22,6 +22,7 @@ struct SoakRequest {
   std::uint64_t first = 1;
   std::uint64_t count = 100;
   std::chrono::seconds patience{120};  // wall time for one seed; then it is stuck
+  int jobs = 1;                        // processes at a time
 };
 
 struct SoakResult {
@@ -33,10 +34,19 @@ struct SoakResult {
 };
 nlohmann::json to_json(const SoakResult& result);
 
-/// Runs them in child processes, so that this one sees those die, or stand still. `report` is
-/// called after each. Throws as run_protocol() does for what is wrong with the request; ConfigError
-/// for a rig with real instruments, and where the protocol does not complete when it is left alone.
+/// Runs them in child processes, so that this one sees those die, or stand still: the seeds in
+/// groups, which are the points of a plan (host/trials/point_folder.h). `report` is called for
+/// each, in their order. Throws as run_protocol() does for what is wrong with the request;
+/// ConfigError for a rig with real instruments, and where the protocol does not complete when it is
+/// left alone.
 SoakResult soak(ScriptEngine& engine, const SoakRequest& request,
                 const std::function<void(const SoakedSeed&)>& report);
+
+/// The seeds of one group, one after the other in a process beside this one, so that what leaks
+/// from run to run shows; says a line of JSON for each.
+constexpr const char* kSoakKind = "soak";
+nlohmann::json run_soak_point(ScriptEngine& engine, const nlohmann::json& head,
+                              const nlohmann::json& what,
+                              const std::function<void(const std::string&)>& say);
 
 }  // namespace vitreo

@@ -5,6 +5,7 @@ cmake --build "$1" --target vitreo_bench vitreo
 "$1/tests/vitreo_bench" --benchmark_out="$1/bench.json" --benchmark_out_format=json
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
+sh "$(dirname "$0")/sweep.sh" "$1/vitreo"
 for seed in 1 2 3; do
   echo "servo_square, seed $seed:"
   "$1/vitreo" run servo_square --seed "$seed" --out "$out" --json 2>/dev/null

@@ -29,12 +29,27 @@ std::string range_text(const Parameter& parameter, const std::string& dimension)
 
 /// A value as the script has it: numbers are SI. Texts may be written with a unit, as on the
 /// command line.
+/// Of a list, a vector or a range: a vector, a table of numbers, or {min = a, max = b}.
+std::vector<double> several_values(lua_State* L, int index, const Parameter& parameter) {
+  std::vector<double> values;
+  if (parameter.kind == ParameterKind::range && lua_istable(L, index)) {
+    for (const char* const key : {"min", "max"}) {
+      if (lua_getfield(L, index, key) == LUA_TNUMBER) values.push_back(lua_tonumber(L, -1));
+      lua_pop(L, 1);
+    }
+  }
+  if (const auto numbers = values.empty() ? to_numbers(L, index) : std::nullopt) values = *numbers;
+  check_several(parameter, values);
+  return values;
+}
+
 ArgumentValue parameter_value(lua_State* L, int index, const Parameter& parameter) {
   const bool number =
       parameter.kind == ParameterKind::number || parameter.kind == ParameterKind::integer;
   if (lua_type(L, index) == LUA_TSTRING) return read_argument(parameter, plain_text(L, index));
   if (parameter.kind == ParameterKind::flag && lua_isboolean(L, index))
     return lua_toboolean(L, index) != 0;
+  if (is_several(parameter.kind)) return several_values(L, index, parameter);
   if (!number || lua_type(L, index) != LUA_TNUMBER)
     throw std::invalid_argument(parameter.name + ": wants " +
                                 (parameter.kind == ParameterKind::flag ? "true or false"

@@ -26,16 +26,10 @@ struct Checked {
 
 /// "hold=5s", every digit kept.
 std::string argument_word(const Parameter& parameter, const ArgumentValue& value) {
-  if (const bool* const flag = std::get_if<bool>(&value))
-    return parameter.name + (*flag ? "=true" : "=false");
-  if (const std::string* const text = std::get_if<std::string>(&value)) {
-    if (text->find('\0') != std::string::npos)
-      throw std::invalid_argument(parameter.name + ": holds a zero byte");
-    return parameter.name + "=" + *text;
-  }
-  const auto unit = find_unit(parameter.unit);
-  return fmt::format("{}={:.17g}{}", parameter.name, std::get<double>(value),
-                     unit ? unit->dimension : "");
+  const std::string text = argument_text(parameter, value);
+  if (text.find('\0') != std::string::npos)
+    throw std::invalid_argument(parameter.name + ": holds a zero byte");
+  return parameter.name + "=" + text;
 }
 
 /// The same seed, rig and folder as the session's, so that the dry run is of this laboratory. What

@@ -115,22 +115,25 @@ void check_limits(const Reader& reader, const Parameter& parameter, const std::s
   if (parameter.min > parameter.max)
     reader.fail("min", "(" + format_quantity(parameter.min, dimension) + ") is above max (" +
                            format_quantity(parameter.max, dimension) + ")");
-  const double value = std::get<double>(parameter.fallback);
-  if (!std::isfinite(value)) reader.fail("default", "wants a finite number");
-  if (value < parameter.min || value > parameter.max)
-    reader.fail("default", "(" + format_quantity(value, dimension) +
-                               ") is outside of its own range, " +
-                               format_range(parameter.min, parameter.max, dimension));
-  if (parameter.kind == ParameterKind::integer && value != std::floor(value))
-    reader.fail("default", "wants a whole number, since integer = true");
+  const auto* const several = std::get_if<std::vector<double>>(&parameter.fallback);
+  const std::vector<double> values =
+      several != nullptr ? *several : std::vector{std::get<double>(parameter.fallback)};
+  for (const double value : values) {
+    if (!std::isfinite(value)) reader.fail("default", "wants a finite number");
+    if (value < parameter.min || value > parameter.max)
+      reader.fail("default", "(" + format_quantity(value, dimension) +
+                                 ") is outside of its own range, " +
+                                 format_range(parameter.min, parameter.max, dimension));
+    if (parameter.kind == ParameterKind::integer && value != std::floor(value))
+      reader.fail("default", "wants a whole number, since integer = true");
+  }
 }
 
-void read_number(const Reader& reader, Parameter& parameter) {
-  parameter.kind = reader.flag("integer") ? ParameterKind::integer : ParameterKind::number;
+/// Unit and bounds, when kind and default are known.
+void read_bounds(const Reader& reader, Parameter& parameter) {
   parameter.unit = reader.text("unit", false);
   parameter.min = reader.number("min", parameter.min);
   parameter.max = reader.number("max", parameter.max);
-  parameter.fallback = reader.number("default", 0);
   const auto unit = find_unit(parameter.unit);
   if (!unit) {
     std::vector<std::string> symbols;
@@ -140,6 +143,32 @@ void read_number(const Reader& reader, Parameter& parameter) {
                             (near.empty() ? "" : "; did you mean " + near + "?"));
   }
   check_limits(reader, parameter, std::string(unit->dimension));
+}
+
+void read_number(const Reader& reader, Parameter& parameter) {
+  parameter.kind = reader.flag("integer") ? ParameterKind::integer : ParameterKind::number;
+  parameter.fallback = reader.number("default", 0);
+  read_bounds(reader, parameter);
+}
+
+/// A default of several numbers: vector(x, y, z); {0.1, 0.2} a list, or with range = true a range.
+void read_several(const Reader& reader, Parameter& parameter) {
+  const bool range = reader.flag("range");
+  reader.push("default");
+  const auto numbers = to_numbers(reader.L, -1);
+  if (!numbers || numbers->empty())
+    reader.fail("default", "wants a number, several in a table, a vector, a string, true or false");
+  const std::vector<double>& values = *numbers;
+  const bool vector = lua_getmetatable(reader.L, -1) != 0;  // of the tables that vector() makes
+  lua_pop(reader.L, vector ? 2 : 1);
+  parameter.kind = vector  ? ParameterKind::vector
+                   : range ? ParameterKind::range
+                           : ParameterKind::list;
+  if (range &&
+      (parameter.kind != ParameterKind::range || values.size() != 2 || !(values[0] <= values[1])))
+    reader.fail("default", "wants {least, most}, since range = true");
+  parameter.fallback = values;
+  read_bounds(reader, parameter);
 }
 
 void read_choice(const Reader& reader, Parameter& parameter) {
@@ -155,7 +184,8 @@ void read_choice(const Reader& reader, Parameter& parameter) {
 
 /// The kind follows from what is given: required, choices, else the type of the default.
 Parameter read_parameter(const Reader& reader, const std::string& name) {
-  reader.known({"default", "min", "max", "unit", "choices", "integer", "help", "required"});
+  reader.known(
+      {"default", "min", "max", "unit", "choices", "integer", "range", "help", "required"});
   Parameter parameter;
   parameter.name = name;
   parameter.help = reader.text("help", false);
@@ -177,15 +207,17 @@ Parameter read_parameter(const Reader& reader, const std::string& name) {
   } else if (type == LUA_TSTRING) {
     parameter.kind = ParameterKind::text;
     parameter.fallback = reader.text("default", false);
+  } else if (type == LUA_TNIL) {
+    reader.fail("default", "is missing: every parameter needs one, or required = true");
   } else {
-    reader.fail("default", type == LUA_TNIL
-                               ? "is missing: every parameter needs one, or required = true"
-                               : "wants a number, a string, true or false");
+    read_several(reader, parameter);
   }
-  const bool number =
-      parameter.kind == ParameterKind::number || parameter.kind == ParameterKind::integer;
-  for (const char* key : {"min", "max", "unit", "integer"})
-    if (!number && reader.has(key)) reader.fail(key, "is only for numbers");
+  for (const char* key : {"min", "max", "unit"})
+    if (!is_numeric(parameter.kind) && reader.has(key)) reader.fail(key, "is only for numbers");
+  if (reader.has("integer") && (!is_numeric(parameter.kind) || is_several(parameter.kind)))
+    reader.fail("integer", "is only for numbers");
+  if (reader.has("range") && !is_several(parameter.kind))
+    reader.fail("range", "is only for a default of two numbers, {least, most}");
   return parameter;
 }
 

@@ -12,8 +12,24 @@
 namespace vitreo::lua {
 namespace {
 
-void push_argument(lua_State* L, const ArgumentValue& value, bool integer) {
-  if (const bool* flag = std::get_if<bool>(&value))
+/// A list as a table, a vector as a vector, a range as a table with `min` and `max`.
+void push_several(lua_State* L, const std::vector<double>& values, ParameterKind kind) {
+  if (kind == ParameterKind::vector) return push_vector(L, {values[0], values[1], values[2]});
+  lua_createtable(L, static_cast<int>(values.size()), 0);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    lua_pushnumber(L, values[i]);
+    if (kind == ParameterKind::range)
+      lua_setfield(L, -2, i == 0 ? "min" : "max");
+    else
+      lua_rawseti(L, -2, static_cast<lua_Integer>(i) + 1);
+  }
+}
+
+void push_argument(lua_State* L, const ArgumentValue& value, ParameterKind kind) {
+  const bool integer = kind == ParameterKind::integer;
+  if (const auto* several = std::get_if<std::vector<double>>(&value))
+    push_several(L, *several, kind);
+  else if (const bool* flag = std::get_if<bool>(&value))
     lua_pushboolean(L, *flag);
   else if (const double* number = std::get_if<double>(&value))
     integer ? lua_pushinteger(L, static_cast<lua_Integer>(*number)) : lua_pushnumber(L, *number);
@@ -37,8 +53,7 @@ void push_parameters(lua_State* L, const ProtocolDescription& protocol,
   lua_newtable(L);
   for (const Parameter& parameter : protocol.parameters) {
     const auto given = arguments.find(parameter.name);
-    push_argument(L, given == arguments.end() ? parameter.fallback : given->second,
-                  parameter.kind == ParameterKind::integer);
+    push_argument(L, given == arguments.end() ? parameter.fallback : given->second, parameter.kind);
     lua_setfield(L, -2, parameter.name.c_str());
   }
   lua_createtable(L, 0, 1);
