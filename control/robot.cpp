@@ -63,6 +63,8 @@ void Robot::check() const {
           "robot demagnetization: must be within 0 and 1 for a soft magnet");
   require(std::isfinite(anisotropy) && anisotropy >= 0 && demagnetization + anisotropy < 1,
           "robot anisotropy: must be at least 0 and leave the factor across the axis below 1");
+  if (helix) helix->check();
+  require(!helix || hard, "robot helix: its magnet must be a permanent one (hard)");
 }
 
 // Hard: V Br / mu0. Soft: a smooth passage from the linear law H / N to saturation,
@@ -112,7 +114,11 @@ Eigen::Matrix3d resistance(const Robot& robot, const Medium& medium, const Eigen
   medium.check();
   const double length = axis.norm();
   require(positive(length), "axis: must be finite and not zero");
-  const PerrinDrag drag = perrin(medium.dynamic_viscosity(), robot.semi_axis, robot.semi_radius);
+  PerrinDrag drag = perrin(medium.dynamic_viscosity(), robot.semi_axis, robot.semi_radius);
+  if (robot.helix) {
+    const HelixResistance helix = helix_resistance(*robot.helix, medium.dynamic_viscosity());
+    drag = {helix.along, helix.across};
+  }
   const Eigen::Vector3d n = axis / length;
   return drag.across * Eigen::Matrix3d::Identity() + (drag.along - drag.across) * n * n.transpose();
 }

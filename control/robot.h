@@ -2,8 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "control/helix.h"
+
 #include <Eigen/Core>
 
+#include <optional>
 #include <string>
 
 namespace vitreo::control {
@@ -29,7 +32,10 @@ struct Robot {
   double demagnetization = 0;   // along the easy axis; 0 with `hard`
   bool hard = false;            // a permanent magnet
   double anisotropy = 0;  // of a soft magnet: the factor across the axis less the one along it
-  void check() const;     // throws std::invalid_argument naming the parameter
+  // A helical swimmer, whose moment is across the axis. Else that is along it, and the body a
+  // spheroid; for the optics a helix is the spheroid about it.
+  std::optional<Helix> helix{};
+  void check() const;  // throws std::invalid_argument naming the parameter
   /// |m| in A m^2 along the axis at the field |B| in T: hard, or soft as V Ms tanh(B / (mu0 N Ms)).
   double moment(double field) const;
   double mass() const { return solid_volume * solid_density; }  // kg

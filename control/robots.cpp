@@ -21,7 +21,8 @@ constexpr std::pair<std::string_view, Robot (*)()> kRobots[] = {
     {"coni_2mm", coni_2mm},
     {"ni_500um", ni_500um},
     {"ndfeb_sphere_500um", ndfeb_sphere_500um},
-    {"ndfeb_cylinder_1mm", ndfeb_cylinder_1mm}};
+    {"ndfeb_cylinder_1mm", ndfeb_cylinder_1mm},
+    {"helix_2mm", helix_2mm}};
 
 // A permanent magnet: m = Br V / mu0, and 7500 kg/m^3 of NdFeB (facts/magnetics 3.1).
 // The moment of a permanent magnet is its remanence over mu0 times its volume, whatever the field.
@@ -72,6 +73,23 @@ Robot ndfeb_cylinder_1mm() {
   return magnet("NdFeB cylinder 1 mm", kHalf, kRadius, 2 * kHalf * kPi * kRadius * kRadius);
 }
 
+// Assumed, after helices as they are printed (a filament of resin, 1150 kg/m^3, and a cylinder of
+// NdFeB of 0.25 mm x 0.25 mm, magnetized across its axis). Density and magnetization are means over
+// both.
+Robot helix_2mm() {
+  constexpr double kMagnet = kPi * 0.125e-3 * 0.125e-3 * 0.25e-3;  // m^3
+  constexpr double kResin = 1150;                                  // kg/m^3
+  Helix helix;
+  const double turn = std::hypot(2 * kPi * helix.radius, helix.pitch);
+  const double filament = helix.turns * turn * kPi * helix.filament_radius * helix.filament_radius;
+  Robot robot = magnet("helix 2 mm", helix.length() / 2 + helix.filament_radius,
+                       helix.radius + helix.filament_radius, kMagnet + filament);
+  robot.solid_density = (kMagnet * robot.solid_density + filament * kResin) / robot.solid_volume;
+  robot.saturation *= kMagnet / robot.solid_volume;
+  robot.helix = helix;
+  return robot;
+}
+
 const std::vector<std::string_view>& robot_names() {
   static const std::vector<std::string_view> names = [] {
     std::vector<std::string_view> list;
@@ -117,6 +135,7 @@ Eigen::Matrix3d resistance_near_wall(const Eigen::Matrix3d& free, const Robot& r
 
 // About an axis across the robot's own; N m s.
 double rotational_resistance(const Robot& robot, const Medium& medium) {
+  if (robot.helix) return helix_resistance(*robot.helix, medium.dynamic_viscosity()).turning;
   const Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
   const double along = resistance(robot, medium, axis)(0, 0);
   const double a = robot.semi_axis;

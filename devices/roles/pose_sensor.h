@@ -1,4 +1,4 @@
-// The role of a pose sensor: a position with its covariance, without any image.
+// The role of a pose sensor: a position with its covariance, and the axis, without any image.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,6 +18,7 @@ struct PoseReading {
   Time received{};                          ///< when the host knew
   std::optional<Eigen::Vector3d> position;  ///< m, world; nothing when there is no robot
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< m^2
+  std::optional<Eigen::Vector3d> axis{};  ///< the robot's, unit, world; nothing: not measured
 };
 
 class PoseSensor {

@@ -5,6 +5,7 @@
 #include "devices/time/error.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <random>
 #include <utility>
@@ -12,9 +13,9 @@
 namespace vitreo::sim {
 namespace {
 
-// Standard normal noise of one reading, from a generator seeded with its number: the same whichever
-// readings are pulled.
-Eigen::Vector3d noise_of(std::uint64_t seed, std::uint64_t number) {
+// Standard normal noise of one reading's position and axis, from a generator seeded with its
+// number: the same whichever readings are pulled.
+std::array<Eigen::Vector3d, 2> noise_of(std::uint64_t seed, std::uint64_t number) {
   std::seed_seq mixed{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32),
                       static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(number >> 32),
                       0x705e5eU};
@@ -24,7 +25,12 @@ Eigen::Vector3d noise_of(std::uint64_t seed, std::uint64_t number) {
   const double x = normal(random);
   const double y = normal(random);
   const double z = normal(random);
-  return {x, y, z};
+  const Eigen::Vector3d position(x, y, z);
+  // After the position's, which thereby stays what it was before there was an axis.
+  const double u = normal(random);
+  const double v = normal(random);
+  const double w = normal(random);
+  return {position, Eigen::Vector3d(u, v, w)};
 }
 
 // Readings are taken at k period and arrive `latency` later. A call returns the newest that has
@@ -32,9 +38,10 @@ Eigen::Vector3d noise_of(std::uint64_t seed, std::uint64_t number) {
 class SimulatedPoseSensor : public PoseSensor {
  public:
   SimulatedPoseSensor(const PoseSensorSettings& settings, TruePosition truth, Clock& clock,
-                      std::uint64_t seed, const ImagingFaults& faults)
+                      std::uint64_t seed, const ImagingFaults& faults, TrueAxis axis)
       : settings_(settings),
         truth_(std::move(truth)),
+        axis_(std::move(axis)),
         clock_(clock),
         seed_(seed),
         faults_(faults),
@@ -60,8 +67,10 @@ class SimulatedPoseSensor : public PoseSensor {
       }
       wait_until(number * period_ + latency_);
       last_ = number;
-      if (!faults_.frozen)
-        last_position_ = truth_(number * period_);  // before the world forgets it
+      if (!faults_.frozen) {  // before the world forgets it
+        last_position_ = truth_(number * period_);
+        if (axis_) last_axis_ = axis_(number * period_);
+      }
       if (faults_.late > Time::zero()) wait_until(arrives);
       const auto each = [number](int n) { return n > 0 && number % n == 0; };
       if (faults_.silent || each(faults_.drops) || each(faults_.torn)) continue;
@@ -87,8 +96,11 @@ class SimulatedPoseSensor : public PoseSensor {
                         last_position_,
                         {}};
     reading.covariance = settings_.noise * settings_.noise * Eigen::Matrix3d::Identity();
-    if (reading.position && !faults_.frozen)
-      *reading.position += settings_.noise * noise_of(seed_, reading.number);
+    reading.axis = last_axis_;
+    const auto [shift, turn] = noise_of(seed_, reading.number);
+    if (reading.position && !faults_.frozen) *reading.position += settings_.noise * shift;
+    if (reading.axis && !faults_.frozen)
+      reading.axis = (*reading.axis + settings_.axis_noise * turn).normalized();
     if (faults_.nan)
       reading.position = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
     return reading;
@@ -96,6 +108,7 @@ class SimulatedPoseSensor : public PoseSensor {
 
   PoseSensorSettings settings_;
   TruePosition truth_;
+  TrueAxis axis_;
   Clock& clock_;
   std::uint64_t seed_;
   const ImagingFaults& faults_;
@@ -103,6 +116,7 @@ class SimulatedPoseSensor : public PoseSensor {
   Time latency_;
   std::int64_t last_ = -1;
   std::optional<Eigen::Vector3d> last_position_;
+  std::optional<Eigen::Vector3d> last_axis_;
 };
 
 }  // namespace
@@ -111,15 +125,16 @@ void PoseSensorSettings::check() const {
   require(frame_rate > 0 && frame_rate <= 10000, "frame_rate must be in (0, 10000] Hz");
   require(latency >= 0 && latency < 0.4, "latency must be in [0, 0.4) s");
   require(noise > 0 && noise <= 1e-3, "noise must be in (0, 1 mm]");
+  require(axis_noise >= 0 && axis_noise < 1, "axis_noise must be in [0, 1) rad");
 }
 
 std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePosition truth,
                                              Clock& clock, std::uint64_t seed,
-                                             const ImagingFaults* faults) {
+                                             const ImagingFaults* faults, TrueAxis axis) {
   static const ImagingFaults none;
   settings.check();
   return std::make_unique<SimulatedPoseSensor>(settings, std::move(truth), clock, seed,
-                                               faults != nullptr ? *faults : none);
+                                               faults != nullptr ? *faults : none, std::move(axis));
 }
 
 }  // namespace vitreo::sim

@@ -17,15 +17,19 @@ struct PoseSensorSettings {
   double frame_rate = 15;        // Hz
   double latency = 80e-3;        // s: with the coils' 50 ms the 130 ms of the loop
   double noise = 0.3 * 14.3e-6;  // m, of each coordinate, white: 0.3 px
+  double axis_noise = 0.01;      // rad, of the axis in each direction across it, white
   void check() const;            // throws std::invalid_argument naming the parameter
 };
 
 /// The robot's position (m, world) at a time that lies up to 0.5 s back; nothing without a robot.
 using TruePosition = std::function<std::optional<Eigen::Vector3d>(Time)>;
+/// Its axis, unit, at the same time.
+using TrueAxis = std::function<std::optional<Eigen::Vector3d>(Time)>;
 
-/// `faults` outlives the sensor; null: none.
+/// `faults` outlives the sensor; null: none. Without `axis` it measures none.
 std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePosition truth,
                                              Clock& clock, std::uint64_t seed,
-                                             const ImagingFaults* faults = nullptr);
+                                             const ImagingFaults* faults = nullptr,
+                                             TrueAxis axis = {});
 
 }  // namespace vitreo::sim

@@ -2,6 +2,7 @@
 #include "devices/sim/robot_motion.h"
 
 #include "control/robots.h"
+#include "control/rolling.h"
 #include "devices/sim/checks.h"
 
 #include <Eigen/Geometry>
@@ -55,6 +56,9 @@ RobotMotion::RobotMotion(const control::Robot& robot, const control::Medium& flu
   along_ = free(0, 0);
   across_ = free(1, 1);
   turning_ = control::rotational_resistance(robot, around);
+  require(!robot.helix || !gel, "a helix is simulated in a fluid only, not in a gel");
+  if (robot.helix)
+    helix_.emplace(*robot.helix, around.dynamic_viscosity(), moment_gain * robot.moment(0));
   mean_radius_ = std::cbrt(robot.semi_axis * robot.semi_radius * robot.semi_radius);
 }
 
@@ -66,6 +70,7 @@ void RobotMotion::relax() {
 // (facts/magnetics 2.1, C).
 // A m^2, in the world frame, from the body's axis and the field at it, T.
 Eigen::Vector3d RobotMotion::moment(const BodyState& body, const Eigen::Vector3d& field) const {
+  if (helix_) return helix_->moment(body);
   return moment_gain_ * control::robot_moment(robot_, body.axis, field);
 }
 
@@ -95,6 +100,30 @@ Eigen::Vector3d RobotMotion::velocity(const BodyState& body, const Eigen::Vector
   return lens(retina(free(retina(lens(force)))));
 }
 
+// m: what the fluid between body and retina makes of its turning, for the sphere of its mean
+// radius. Friction, where it touches, is the contact's (keep_inside).
+Eigen::Vector3d RobotMotion::rolled(const BodyState& body, const Eigen::Vector3d& turned,
+                                    const Cavity& cavity) const {
+  const Cavity::Wall wall = cavity.retina(body.position);
+  if (wall.distance > 3 * mean_radius_) return Eigen::Vector3d::Zero();
+  const double part = control::fluid_rolling(mean_radius_, std::max(wall.distance, mean_radius_));
+  return part * turned.cross(mean_radius_ * wall.normal);
+}
+
+// The walls slow what force and weight do; the screw's own advance stays as in the open.
+RobotMotion::Step RobotMotion::swim(BodyState& body, const control::FieldGradient& field,
+                                    const Eigen::Vector3d& extra_force, const Cavity* cavity,
+                                    double span) const {
+  const Eigen::Vector3d before = body.position;
+  // F = (m.grad) B.
+  const Eigen::Vector3d force = extra_force - Eigen::Vector3d(0, 0, net_weight_) +
+                                control::force_from_field(helix_->moment(body)) * field;
+  const Eigen::Vector3d drifting = velocity(body, force, cavity);
+  const HelixMotion::Step turn = helix_->turn(body, field.head<3>(), force, span);
+  body.position += span * drifting + turn.swum;
+  return {body.position - before, turn.turned};
+}
+
 // One step of m x B = z w and F = R v (overdamped). The torque falls to zero at the angle th to the
 // stable direction; taken as proportional to it, k = |T| / th, the turn is th (1 - e^(-k h / z)),
 // exact for any step and never beyond. Position by Euler's rule: it changes on the scale of seconds
@@ -102,6 +131,7 @@ Eigen::Vector3d RobotMotion::velocity(const BodyState& body, const Eigen::Vector
 RobotMotion::Step RobotMotion::step(BodyState& body, const control::FieldGradient& field,
                                     const Eigen::Vector3d& extra_force, const Cavity* cavity,
                                     double span) {
+  if (helix_) return swim(body, field, extra_force, cavity, span);
   const Eigen::Vector3d b = field.head<3>();
   const bool felt = b.norm() > kWeakestField;
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();
@@ -131,6 +161,7 @@ RobotMotion::Step RobotMotion::step(BodyState& body, const control::FieldGradien
     body.position += span * rates.velocity;
   } else {
     body.position += span * velocity(body, force, cavity);
+    if (cavity != nullptr) body.position += rolled(body, turned, *cavity);
   }
   return {body.position - before, turned};
 }

@@ -185,16 +185,19 @@ class ComposedRig final : public OpenRig {
     if (settings.top_camera && !settings.top) rig_.top_camera = &world_->top_camera();
     if (settings.side_camera && !settings.side) rig_.side_camera = &world_->side_camera();
     if (!settings.pose_sensor) return;
-    // The pose sensor is given a function and not the laboratory: positions are all that it can
-    // learn.
+    // The pose sensor is given functions and not the laboratory: poses are all that it can learn.
     const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
       const auto known = world_->truth(time);
       return known ? std::optional(known->position) : std::nullopt;
     };
+    const auto axis = [this](Time time) -> std::optional<Eigen::Vector3d> {
+      const auto known = world_->truth(time);
+      return known ? std::optional(known->axis) : std::nullopt;
+    };
     sim::PoseSensorSettings sensor = *settings.pose_sensor;
     sensor.latency = world_->latency_of(sensor.latency);
-    pose_sensor_ =
-        sim::make_pose_sensor(sensor, truth, clock_, seed, &world_->faults().looks["pose_sensor"]);
+    pose_sensor_ = sim::make_pose_sensor(sensor, truth, clock_, seed,
+                                         &world_->faults().looks["pose_sensor"], axis);
     rig_.pose_sensor = pose_sensor_.get();
   }
 

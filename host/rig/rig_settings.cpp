@@ -394,6 +394,7 @@ void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
   sensor.frame_rate = reader.number("frame_rate", sensor.frame_rate, {0.1, 2000, "Hz"});
   sensor.latency = reader.number("latency", sensor.latency, {0, 0.39, "s"});
   sensor.noise = reader.number("noise", sensor.noise, {1e-9, 1e-3, "m"});
+  sensor.axis_noise = reader.number("axis_noise", sensor.axis_noise, {0, 0.5, "rad"});
   settings.links.loads.push_back({"pose_sensor", "a reading", {}, false, sensor.frame_rate});
   reader.finish();
 }

@@ -40,6 +40,8 @@ class FieldAllocator {
   /// there, and at once where a limit is met. `span`: s since the last call. A soft robot's moment
   /// grows with its field, so that a stronger one may need less current for the same force.
   void choose(const Eigen::Vector3d& position, const Eigen::Vector3d& force, double span);
+  /// Another direction of the field, unit, world.
+  void set_axis(const Eigen::Vector3d& axis) { settings_.axis = axis; }
   double field() const { return field_; }  // T, for which currents are allocated
   /// The field without any force, at the workspace's center.
   control::Currents orienting() const;

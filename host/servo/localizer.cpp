@@ -109,7 +109,12 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   const optics::PoseCandidate& best = found.candidates.front();  // the smallest chi^2
   const Eigen::Matrix3d covariance = best.covariance.topLeftCorner<3, 3>();
   if (!covariance.allFinite()) return std::nullopt;
-  return Found{best.pose.position_in_eye, covariance, best.residual_px};
+  // The body's third axis is the one of symmetry. The outline's systematic error, over the length
+  // that shows it, is the least that is unknown of it.
+  const double outline = kOutlineError_px / seen.ellipse.semi_major_px;
+  const double sigma = std::sqrt((best.covariance(3, 3) + best.covariance(4, 4)) / 2);
+  return Found{best.pose.position_in_eye, covariance, best.residual_px,
+               best.pose.orientation * Eigen::Vector3d::UnitZ(), std::hypot(sigma, outline)};
 }
 
 /// The view from straight above without an eye, a scaled orthographic projection: x and y, and of
@@ -151,6 +156,8 @@ void Localizer::localize(Observation& observation) {
   const double error = kModelError_px * model_.top_image.pixel;
   observation.covariance = found->covariance + error * error * Eigen::Matrix3d::Identity();
   observation.residual_px = found->residual_px;
+  observation.axis = found->axis;
+  observation.axis_sigma = found->axis_sigma;
 }
 
 // The update of a Kalman filter with the side view as measurement z = H p + noise, which for
@@ -169,6 +176,23 @@ void join_side(Observation& observation, const SideObservation& side) {
   // Joseph form, (I - K H) P (I - K H)' + K R K': stays symmetric and positive definite.
   const Eigen::Matrix3d left = Eigen::Matrix3d::Identity() - K * H;
   observation.covariance = left * P * left.transpose() + K * side.covariance * K.transpose();
+}
+
+// The side view's direction s, in the plane of x and z, says of the axis a that a.n = 0, n across s
+// in that plane: one scalar measurement of a Kalman filter whose error of a is the same in both
+// directions across it.
+void join_side_axis(Observation& observation, const SideObservation& side) {
+  if (!observation.axis || !side.direction) return;
+  const Eigen::Vector3d normal(-side.direction->y(), 0, side.direction->x());
+  Eigen::Vector3d& axis = *observation.axis;
+  const double shown = std::hypot(axis.x(), axis.z());  // of its length, in the side view
+  const double P = observation.axis_sigma * observation.axis_sigma;
+  const double noise = side.direction_sigma * shown;
+  const double gain = P / (P + noise * noise);
+  if (!(gain > 0)) return;
+  axis = (axis - gain * axis.dot(normal) * normal).normalized();
+  // Of the two directions one is known better: the mean of both variances.
+  observation.axis_sigma = std::sqrt((P + (1 - gain) * P) / 2);
 }
 
 }  // namespace vitreo

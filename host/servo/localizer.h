@@ -24,7 +24,9 @@ struct Observation {
   std::optional<Eigen::Vector3d> position;  // m, world; nothing when not seen or not localized
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // m^2
   double residual_px = 0;                                // of the pose against the ellipse
-  std::optional<double> pair_skew;  // s: the side camera's exposure less this one; nothing: alone
+  std::optional<double> pair_skew{};  // s: the side camera's exposure less this one; nothing: alone
+  std::optional<Eigen::Vector3d> axis{};  // the robot's, unit, world; nothing where not estimated
+  double axis_sigma = 0;                  // rad, in each direction across it
 };
 
 /// One camera, through the optics of the eye (thesis 5).
@@ -37,12 +39,16 @@ class Localizer {
   /// Of a plain view the depth is unknown: 0, with a variance that says so. It wants a second
   /// camera.
   Observation look(const cv::Mat& image);
+  /// The axis that is expected from the next image on, unit, world.
+  void expect_axis(const Eigen::Vector3d& axis) { axis_ = axis; }
 
  private:
   struct Found {
     Eigen::Vector3d position_in_eye;
     Eigen::Matrix3d covariance;
     double residual_px;
+    std::optional<Eigen::Vector3d> axis{};
+    double axis_sigma = 0;
   };
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
@@ -63,5 +69,9 @@ class Localizer {
 /// camera's line of sight is in the covariance. An observation without a position stays so: one
 /// side view is not enough. Both in the world frame.
 void join_side(Observation& observation, const SideObservation& side);
+
+/// The same of the axis, where the side camera measured its direction in the plane of x and z and
+/// the top camera has one at all.
+void join_side_axis(Observation& observation, const SideObservation& side);
 
 }  // namespace vitreo

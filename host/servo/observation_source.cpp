@@ -23,6 +23,9 @@ constexpr double kLargestResidual_px = 1.5;
 /// up to 1.7 mm below.
 constexpr double kLeastRim = 0.75;
 
+/// rad: how well a pose sensor's axis is taken to be known, as it states no covariance of it.
+constexpr double kPoseAxisSigma = 0.02;
+
 /// A dry run has the sensor in the camera's place, whatever feedback it names.
 bool uses_pose_sensor(const ServoSettings& settings) {
   return settings.by_pose || settings.feedback == Feedback::pose_sensor;
@@ -81,6 +84,10 @@ double ObservationSource::period() const {
   return by_pose_ ? rig_.pose_sensor->period() : rig_.top_camera->info().frame_period;
 }
 
+void ObservationSource::expect_axis(const Eigen::Vector3d& axis) {
+  if (localizer_) localizer_->expect_axis(axis);
+}
+
 /// Both kinds give nothing for a frame that is passed over, and then the next is waited for; an
 /// endless wait is ended by the device's own timeout, or by the validator.
 ObservationSource::ObservedFrame ObservationSource::next() {
@@ -97,6 +104,8 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_pose(Time 
   validator_.must_change(reading.position);
   ObservedFrame found{
       stamps, {{}, validator_.finite(reading.position), reading.covariance, 0, std::nullopt}};
+  found.observation.axis = reading.axis;
+  found.observation.axis_sigma = kPoseAxisSigma;
   if (rehearsed_ && found.observation.position)
     found.observation.ellipse = rehearsed_->ellipse_at(*found.observation.position);
   return found;
@@ -118,6 +127,7 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_camera(Tim
     const auto view = side_->at(found.frame.exposed, clock_.now() + from_seconds(period() / 2));
     if (view) {
       join_side(found.observation, *view);
+      join_side_axis(found.observation, *view);
       found.observation.pair_skew = to_seconds(view->skew);
     }
     joined = view.has_value();

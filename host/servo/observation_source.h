@@ -36,6 +36,8 @@ class ObservationSource {
   /// Added to what the top camera finds; m, world.
   void set_offset(const Eigen::Vector3d& offset) { offset_ = offset; }
   const Eigen::Vector3d& offset() const { return offset_; }
+  /// The robot's axis that the next frames are to show, unit, world.
+  void expect_axis(const Eigen::Vector3d& axis);
   /// Events with the numbers of frames passed over, at the end.
   void report_counts() { validator_.report_count(); }
 

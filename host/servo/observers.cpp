@@ -29,7 +29,18 @@ SideObservation side_observation(const RigModel& model, Time exposed,
   // As of the top camera: systematic errors of a tenth of a pixel, which are in no covariance.
   const Eigen::Matrix2d image =
       seen.covariance.topLeftCorner<2, 2>() + 0.1 * 0.1 * Eigen::Matrix2d::Identity();
-  return {exposed, to_world * away, to_world * image * to_world.transpose()};
+  SideObservation side{exposed, to_world * away, to_world * image * to_world.transpose()};
+  // The outline's own error, over the difference of its axes, turns its direction.
+  constexpr double kOutline_px = 0.3;
+  constexpr double kRound = 0.2;  // rad: a direction that is less certain is none
+  const double difference = seen.ellipse.semi_major_px - seen.ellipse.semi_minor_px;
+  const double sigma = difference > 0 ? kOutline_px / difference : 1;
+  if (sigma < kRound) {
+    // Image v points down, world z up.
+    side.direction = Eigen::Vector2d(std::cos(seen.ellipse.angle), -std::sin(seen.ellipse.angle));
+    side.direction_sigma = std::hypot(sigma, std::sqrt(seen.covariance(4, 4)));
+  }
+  return side;
 }
 
 }  // namespace
@@ -79,6 +90,8 @@ std::optional<SideObservation> SideObservationBuffer::between(Time exposed) cons
   SideObservation view;
   view.exposed = exposed;
   view.position = (1 - w) * before->position + w * last->position;
+  view.direction = last->direction;
+  view.direction_sigma = last->direction_sigma;
   view.covariance = (1 - w) * (1 - w) * before->covariance + w * w * last->covariance;
   return view;
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/servo.h"
 
+#include "host/servo/attitude_loop.h"
 #include "host/servo/observation_source.h"
+#include "host/servo/rotating_drive.h"
 #include "host/servo/servo_record.h"
 #include "host/servo/visibility.h"
 #include "host/text/units.h"
@@ -56,6 +58,25 @@ ControllerSettings controller_settings(const Rig& rig, const ServoSettings& give
   loop.field_max = given.field_max.value_or(
       std::max(given.field, std::min(kRaised * given.field, kStrongestField)));
   return loop;
+}
+
+control::AttitudeGains attitude_gains(const Rig& rig) {
+  control::AttitudeGains gains;
+  gains.either_end = !rig.model.robot.hard;
+  return gains;
+}
+
+RotatingControllerSettings rotating_settings(const Rig& rig, const ServoSettings& given,
+                                             double period) {
+  RotatingControllerSettings settings;
+  settings.law = given.rotating;
+  settings.field = given.field;
+  settings.axis = given.axis;
+  settings.limits.currents = limits_of(rig, given.dead_coils);
+  settings.limits.total = rig.coils->total_limit();
+  settings.limits.lag = 1 / (2 * M_PI * rig.model.command_bandwidth);
+  settings.period = period;
+  return settings;
 }
 
 const char* source_of(Feedback feedback) {
@@ -119,7 +140,10 @@ struct Servo::Loop {
         source(the_clock, the_rig, the_recorder, std::move(given_cameras), given),
         controller(the_rig.model, controller_settings(the_rig, given, source.period())),
         archive(the_recorder, the_rig, source_of(given.feedback),
-                given.law == ControlLaw::estimator) {
+                given.law == ControlLaw::estimator || given.law == ControlLaw::rotating),
+        attitude(the_recorder, given.axis, attitude_gains(the_rig)) {
+    if (given.law == ControlLaw::rotating)
+      rotating.emplace(clock, rig, recorder, rotating_settings(rig, given, source.period()));
     recorder.event(clock.now(), "feedback",
                    fmt::format("law {}, feedback {} ({})", to_string(given.law),
                                to_string(given.feedback), source_of(given.feedback)));
@@ -143,6 +167,7 @@ struct Servo::Loop {
   /// One turn: measurement, control, publication, record.
   /// The record comes after the currents, so that writing never delays them.
   void tick() {
+    expect_axis();
     const auto [frame, observation] = source.next();
     // Seen means used: the dead-man is refreshed only where a plausible frame has come.
     heartbeat->beat();
@@ -166,9 +191,19 @@ struct Servo::Loop {
 
   /// A path that was given between two frames begins with the next one.
   void begin(double now) {
+    attitude.begin(now);
     if (!starting) return;
     reference.begin = now;
     starting = false;
+  }
+
+  /// What the next frame will show of the robot's axis; it is exposed a period after the last one.
+  void expect_axis() {
+    if (rotating) {
+      if (rotating->shows_axis()) source.expect_axis(rotating->state().rotation.axis);
+    } else if (attitude.active()) {
+      source.expect_axis(attitude.wanted(to_seconds(status.time) + source.period()));
+    }
   }
 
   /// The time since the robot was last seen, and what follows when it is too long.
@@ -198,6 +233,17 @@ struct Servo::Loop {
     if (observation.position)
       measured = control::PositionMeasurement{to_seconds(frame.exposed), *observation.position,
                                               observation.covariance};
+    attitude.observe(frame.exposed, observation);
+    // The field set now acts after the coils' delay.
+    if (attitude.active())
+      controller.set_axis(attitude.field_direction(now + rig.model.command_delay));
+    if (rotating) {
+      const ControlStep turn =
+          rotating->step(now, measured, reference, control_mode(), frame.exposed);
+      if (observation.position) remember(to_seconds(frame.exposed), turn.correction);
+      report_limits(turn);
+      return turn;
+    }
     ControlStep step = controller.step(now, measured, reference, control_mode());
     if (observation.position) remember(to_seconds(frame.exposed), step.correction);
     // Before the first detection only the field: it turns the robot into the axis that is expected.
@@ -248,6 +294,7 @@ struct Servo::Loop {
   }
 
   void switch_off() {
+    if (rotating) rotating->stop();
     rig.coils->set_currents(
         std::vector<double>(static_cast<std::size_t>(rig.coils->channels()), 0.0));
   }
@@ -266,6 +313,9 @@ struct Servo::Loop {
     status.disturbance.reset();
     if (step.estimate) status.disturbance = step.estimate->unexplained();
     status.target = target.position;
+    status.direction = attitude.wanted(to_seconds(frame.exposed));
+    status.axis = observation.position ? attitude.measured() : std::nullopt;
+    status.turned = attitude.turned(to_seconds(frame.exposed));
     if (step.currents.size() > 0) status.field = step.field;
     status.headroom = step.headroom;
     status.limited = step.limited;
@@ -297,6 +347,7 @@ struct Servo::Loop {
     reference = {path, reference.begin};
     starting = true;
     goal = path.at(path.duration()).position;
+    if (rotating) rotating->steer();
     pictures = wanted_pictures;
     pictures_taken = 0;
     mode = wanted;
@@ -309,6 +360,7 @@ struct Servo::Loop {
   void shut(ServoState state, const std::string& failure) {
     const StopShield shield(clock);  // a stop of the run does not interrupt this
     heartbeat.reset();
+    if (rotating) rotating->stop();
     try {
       if (state == ServoState::closed && rig.coils->enabled())
         switch_off();
@@ -333,6 +385,8 @@ struct Servo::Loop {
   ObservationSource source;
   ServoController controller;
   ServoRecord archive;
+  AttitudeLoop attitude;
+  std::optional<RotatingDrive> rotating;          // of that law, in the controller's place
   std::optional<Interlock::Heartbeat> heartbeat;  // while the loop runs
   Mode mode = Mode::holding;
   ReferencePath reference;
@@ -388,14 +442,39 @@ void Servo::hold(const Eigen::Vector3d& position) {
   loop_->set_goal(Loop::Mode::holding, control::Trajectory::hold_at(position), 0);
 }
 
+void Servo::turn(const control::DirectionPath& path) {
+  if (loop_->rotating)
+    throw std::invalid_argument("direction: the law \"rotating\" steers by the axis itself");
+  loop_->attitude.turn(path);
+  loop_->status.turned = false;
+}
+
+Eigen::Vector3d Servo::direction() const {
+  return loop_->attitude.wanted(to_seconds(loop_->clock.now()));
+}
+
 /// Throws std::invalid_argument for another law, which has no estimate of a disturbance.
 void Servo::release(bool cancel) {
   if (cancel && loop_->settings.law != ControlLaw::estimator)
     throw std::invalid_argument("cancel: only the law \"estimator\" knows what pushes the robot");
+  if (loop_->rotating) loop_->rotating->steer();
   loop_->canceling = cancel;
   loop_->mode = Loop::Mode::released;
   loop_->let_go = false;
   loop_->corrections.clear();
+}
+
+void Servo::spin(const Eigen::Vector3d& axis, double frequency) {
+  if (!loop_->rotating) throw std::invalid_argument("only the law \"rotating\" turns the field");
+  loop_->rotating->spin(axis, frequency);
+  loop_->mode = Loop::Mode::released;
+  loop_->let_go = false;
+  loop_->corrections.clear();
+}
+
+std::optional<RotationState> Servo::rotation() const {
+  if (!loop_->rotating) return std::nullopt;
+  return loop_->rotating->state();
 }
 
 /// Corrections from before belong to another trim and would falsify the mean.

@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "control/direction_path.h"
 #include "control/trajectory.h"
 #include "devices/time/clock.h"
 #include "host/record/recorder.h"
@@ -28,13 +29,16 @@ struct ServoStatus {
   std::optional<Eigen::Vector3d> position;  // m, world: measured
   /// m/s, the robot's velocity beyond the commanded one; law estimator only.
   std::optional<Eigen::Vector3d> disturbance;
-  Eigen::Vector3d target{0, 0, 0};  // m, world: the reference at `time`
-  double progress = 1;              // of the path that is being followed, 0 to 1
-  double field = 0;                 // T, that is commanded
-  double headroom = 1;              // 1 - largest |current| / limit, over the living coils
-  bool limited = false;             // a current limit cost something of field or force
-  std::string failure;              // what ended it, in state failed
-  std::exception_ptr error;         // the same as it was thrown
+  Eigen::Vector3d target{0, 0, 0};      // m, world: the reference at `time`
+  Eigen::Vector3d direction{1, 0, 0};   // unit, world: the reference of the robot's axis
+  std::optional<Eigen::Vector3d> axis;  // unit, world: measured
+  bool turned = true;                   // the axis' reference has come to its end
+  double progress = 1;                  // of the path that is being followed, 0 to 1
+  double field = 0;                     // T, that is commanded
+  double headroom = 1;                  // 1 - largest |current| / limit, over the living coils
+  bool limited = false;                 // a current limit cost something of field or force
+  std::string failure;                  // what ended it, in state failed
+  std::exception_ptr error;             // the same as it was thrown
 };
 
 /// The calls return at once; `changed()` is notified at each tick. The loop runs as a task of the
@@ -54,11 +58,23 @@ class Servo {
   /// and then goes on as before.
   void follow(const control::Trajectory& path, int pictures = 0);
   void hold(const Eigen::Vector3d& position);  // throws as follow
+  /// Turns the robot's axis along a reference, from the next tick on, whatever the position does.
+  /// The rotation about the axis itself is not controlled: a moment along it has no torque there.
+  /// Throws std::invalid_argument for the law rotating, whose axis is its means to go somewhere.
+  void turn(const control::DirectionPath& path);
+  /// The reference of the axis now, unit.
+  Eigen::Vector3d direction() const;
   /// The field still follows the robot and carries its weight (feedback none: the currents stay
   /// constant); its position is left alone. `cancel`: but for the disturbance that the estimator
   /// knows, which is compensated.
   /// Throws std::invalid_argument for another law.
   void release(bool cancel = false);
+  /// Law rotating: the field turns about `axis` (unit, world) at `frequency` (Hz; negative: the
+  /// other way), wherever the robot goes, until the next goal. Throws std::invalid_argument for
+  /// another law, or what is no direction.
+  void spin(const Eigen::Vector3d& axis, double frequency);
+  /// What the field does and how the robot answers; nothing for another law.
+  std::optional<RotationState> rotation() const;
   /// The constant force that is added to the weight compensation (the thesis' hand trim), N, world.
   void set_trim(const Eigen::Vector3d& force);
   Eigen::Vector3d trim() const;

@@ -30,7 +30,7 @@ void require(bool good, const char* what) {
 }  // namespace
 
 const char* to_string(ControlLaw law) {
-  constexpr const char* kNames[] = {"pd", "estimator", "velocity"};
+  constexpr const char* kNames[] = {"pd", "estimator", "velocity", "rotating"};
   return kNames[static_cast<std::size_t>(law)];
 }
 
@@ -246,6 +246,13 @@ Eigen::Vector3d ServoController::allocate(ControlStep& step, const Eigen::Vector
   step.limited = found.limited;
   step.outside = found.outside;
   return found.force;
+}
+
+void ServoController::set_axis(const Eigen::Vector3d& axis) {
+  settings_.axis = axis;
+  drag_ = control::resistance(model_.robot, model_.medium, axis);
+  mobility_ = drag_.inverse();
+  allocator_.set_axis(axis);
 }
 
 /// The estimator is built and tuned anew by the next measurement.

@@ -21,10 +21,10 @@
 namespace vitreo {
 
 /// pd: the thesis' (6.2). estimator: Kalman filter, prediction over the loop's latency, disturbance
-/// compensated. velocity: for media that yield and spring back (7.3).
-enum class ControlLaw { pd, estimator, velocity };
+/// compensated. velocity: for media that yield (7.3). rotating: of RotatingController.
+enum class ControlLaw { pd, estimator, velocity, rotating };
 const char* to_string(ControlLaw law);
-/// Throws std::invalid_argument with the names there are.
+/// Throws std::invalid_argument with the names there are; rotating has none.
 ControlLaw control_law_named(const std::string& name);
 
 /// follow: to the reference. cancel: only the disturbance is compensated (estimator only). leave:
@@ -94,6 +94,7 @@ class ServoController {
   /// of reach.
   ControlStep step(double now, const std::optional<control::PositionMeasurement>& measured,
                    const ReferencePath& path, ControlMode mode);
+  void set_axis(const Eigen::Vector3d& axis);  ///< of the field from the next step on
   /// Forgets what was measured and commanded: the currents were not sent.
   void reset();
   /// The field without any force, at the workspace's center: turns a robot that is not yet seen

@@ -49,6 +49,12 @@ void ServoSettings::check() const {
     throw std::invalid_argument("axis_uncertainty: must be in [0, 1) rad");
   if (max_speed && !(*max_speed > 0)) throw std::invalid_argument("max_speed: must be above 0 m/s");
   velocity.check();
+  rotating.check();
+  // End over end it shows the top camera another outline in each frame, and no depth.
+  if (law == ControlLaw::rotating && rotating.mode == control::RotatingMode::tumbler &&
+      looks(feedback))
+    throw std::invalid_argument(
+        "feedback: a tumbling robot's depth is not in the camera's image; use \"pose_sensor\"");
   if (!(view.image_scale > 0.1 && view.image_scale < 10))
     throw std::invalid_argument("view: image scale of a tenth to ten");
   if (!view.offset.allFinite()) throw std::invalid_argument("view: offset must be finite");

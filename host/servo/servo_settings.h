@@ -5,6 +5,7 @@
 
 #include "control/trajectory.h"
 #include "host/rig/rig.h"
+#include "host/servo/rotating_law.h"
 #include "host/servo/servo_controller.h"
 #include "vision/background.h"
 
@@ -49,6 +50,7 @@ struct ServoSettings {
   std::optional<double> proportional{};  // 1/s, of the law estimator; nothing: tuned
   std::optional<double> max_speed{};     // m/s, likewise, of the feedback alone
   control::VelocityGains velocity;       // of the law velocity
+  RotatingSettings rotating;             // of the law rotating
   std::vector<int> dead_coils;           // channels from 1, besides the rig's own
   /// s without a measurement before the loop lets go: zero current until it is given a goal again.
   double lost_timeout = 1.0;

@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 
+#include <optional>
+
 namespace vitreo {
 
 /// x and z, world frame.
@@ -13,6 +15,9 @@ struct SideObservation {
   Time exposed{};  ///< of its frame; of one between frames the moment that was asked for
   Eigen::Vector2d position{0, 0};                        // m
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // m^2
+  /// The robot's long axis as it shows, unit, x and z; nothing where its outline is round.
+  std::optional<Eigen::Vector2d> direction{};
+  double direction_sigma = 0;  // rad
   /// Of a pair: how much later than the top camera's frame the side camera's nearest was exposed.
   Time skew{};
 };

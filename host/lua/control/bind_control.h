@@ -9,6 +9,7 @@
 #include "control/trajectory.h"
 #include "control/velocity_control.h"
 #include "host/lua/interpreter/tables.h"
+#include "host/servo/rotating_law.h"
 
 #include <optional>
 #include <variant>
@@ -31,7 +32,8 @@ struct EstimatorGains {
   std::optional<double> proportional{};  // 1/s
   std::optional<double> max_speed{};     // m/s
 };
-using LawGains = std::variant<control::PdGains, EstimatorGains, control::VelocityGains>;
+using LawGains = std::variant<control::PdGains, EstimatorGains, control::VelocityGains,
+                              RotatingSettings>;
 
 const Class& trajectory_class();
 const Class& control_law_class();

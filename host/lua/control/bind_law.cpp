@@ -1,4 +1,5 @@
-// Bindings of control laws (control.pd, control.estimator, control.velocity): gains for rig:servo.
+// Bindings of control laws (control.pd, control.estimator, control.velocity, control.rotating):
+// gains for rig:servo.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/control/bind_control.h"
 #include "host/lua/interpreter/tables.h"
@@ -51,6 +52,21 @@ int velocity(Call& call) {
   return push_law(call, gains);
 }
 
+/// The mode has no default: what the robot does in a rotating field is not to be guessed.
+int rotating(Call& call) {
+  RotatingSettings settings;
+  const std::string mode = *call.text_option("mode");
+  for (const auto known : {control::RotatingMode::helix, control::RotatingMode::roller,
+                           control::RotatingMode::tumbler})
+    if (mode == control::to_string(known)) settings.mode = known;
+  settings.frequency = call.number_option("frequency");
+  settings.proportional = call.number_option("proportional");
+  settings.max_speed = call.number_option("max_speed");
+  settings.recover = call.flag_option("recover", settings.recover);
+  settings.check();
+  return push_law(call, settings);
+}
+
 Argument gain(const char* name, const char* unit, double max, const char* help) {
   return number_option(name, unit, 0, max, help);
 }
@@ -89,14 +105,39 @@ std::vector<Binding> law_functions() {
        "control_law",
        "velocity control for gels: the force rises until the medium yields (thesis 7.3)",
        velocity,
-       "control.velocity { integral = 0.02 }"}};
+       "control.velocity { integral = 0.02 }"},
+      {"control.rotating",
+       {options_of(
+           {{.name = "mode",
+             .type = Type::text,
+             .help = "helix swims along the field's axis; roller and tumbler go over the retina",
+             .choices = {"helix", "roller", "tumbler"}},
+            {.name = "frequency",
+             .type = Type::number,
+             .unit = "Hz",
+             .optional = true,
+             .min = 0.01,
+             .max = 200,
+             .help = "fastest (0.7 of the believed step-out, within what the coils can do)"},
+            gain("proportional", "1/s", 100, "velocity per distance (by the delay)"),
+            gain("max_speed", "m/s", 0.1,
+                 "largest velocity asked for because of an error of position (the robot's sink "
+                 "speed, 0.5 to 5 mm/s)"),
+            {.name = "recover",
+             .type = Type::flag,
+             .optional = true,
+             .help = "at a step-out, go on below it (true); else it is only told"}})},
+       "control_law",
+       "position control in a rotating field: its axis steers, its frequency gives the speed",
+       rotating,
+       "control.rotating { mode = \"helix\", frequency = 10 * Hz }"}};
 }
 
 const Class& control_law_class() {
   static const Class kind{
       "control_law",
       "a law of the servo loop with its gains, for rig:servo; make one with control.pd, "
-      "control.estimator or control.velocity"};
+      "control.estimator, control.velocity or control.rotating"};
   return kind;
 }
 

@@ -24,21 +24,46 @@ namespace {
 
 using namespace servo_calls;
 
+/// Of go_to and follow: the robot's axis as a part of the reference.
+void add_direction_options(std::vector<Argument>& keys) {
+  keys.push_back({.name = "direction",
+                  .type = Type::direction,
+                  .optional = true,
+                  .help = "of the robot's axis at the end (as it is)"});
+  keys.push_back({.name = "turn_speed",
+                  .type = Type::number,
+                  .unit = "rad/s",
+                  .optional = true,
+                  .min = 1e-3,
+                  .max = 3,
+                  .help = "fastest of the axis' turn (0.35 rad/s)"});
+}
+
 /// Of go_to. Speed and acceleration are limits, not what is reached on a short way.
 std::vector<Argument> travel_options() {
   const auto number = number_option;
-  return {number("speed", "m/s", 1e-6, 10e-3, "along the way (0.5 mm/s)"),
-          number("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)"),
-          number("within", "m", 1e-6, 10e-3, "how near is there (100 µm)"),
-          number("settle", "s", 0, 600, "how long it must stay there (0.5 s)"),
-          number("timeout", "s", 0, 3600, "how long it may take (twice the way's time and 20 s)")};
+  std::vector<Argument> keys = {
+      number("speed", "m/s", 1e-6, 10e-3, "along the way (0.5 mm/s)"),
+      number("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)"),
+      number("within", "m", 1e-6, 10e-3, "how near is there (100 µm)"),
+      number("settle", "s", 0, 600, "how long it must stay there (0.5 s)"),
+      number("timeout", "s", 0, 3600, "how long it may take (twice the way's time and 20 s)"),
+      number("within_angle", "rad", 1e-3, 1,
+             "how near the axis is to its direction, where it is measured (3 degrees)")};
+  add_direction_options(keys);
+  return keys;
 }
 
 /// Of follow: a path ends when its time is over, so there is nothing to settle.
 std::vector<Argument> follow_options() {
   std::vector<Argument> keys = travel_options();
-  std::erase_if(keys,
-                [](const Argument& key) { return key.name == "within" || key.name == "settle"; });
+  std::erase_if(keys, [](const Argument& key) {
+    return key.name == "within" || key.name == "settle" || key.name == "within_angle";
+  });
+  keys.push_back({.name = "directions",
+                  .type = Type::any,
+                  .optional = true,
+                  .help = "of the robot's axis at each position of the list"});
   keys.push_back({.name = "progress_to",
                   .type = Type::number,
                   .optional = true,
@@ -83,6 +108,10 @@ struct TakeLaw {
     settings.law = ControlLaw::velocity;
     settings.velocity = gains;
   }
+  void operator()(const RotatingSettings& gains) const {
+    settings.law = ControlLaw::rotating;
+    settings.rotating = gains;
+  }
 };
 
 /// The option `law`: a control_law, or the name of one for its gains by default. Left out: pd.
@@ -94,6 +123,8 @@ void take_law(const Call& call, ServoSettings& settings) {
     settings.law = control_law_named(*call.text_option("law"));
   else if (given)
     std::visit(TakeLaw{settings}, call.handle_option<LawGains>("law"));
+  // Turning takes less field than pulling.
+  if (settings.law == ControlLaw::rotating) settings.field = 2e-3;
 }
 
 /// The rig file has no settings of the loop: what the script leaves out is ServoSettings' own.
@@ -119,6 +150,8 @@ Returned status_fields() {
           {{"state", "", "searching, holding, following, released, lost, failed or closed"},
            {"time", "s", "exposure of the frame behind it"},
            {.name = "position", .unit = "m", .help = "nil while unseen", .optional = true},
+           {"direction", "", "where the robot's axis should point then, unit"},
+           {.name = "axis", .help = "where it does, unit, where it is measured", .optional = true},
            {.name = "disturbance",
             .unit = "m/s",
             .help = "what pushes the robot beyond the model; of the law estimator",
@@ -155,6 +188,27 @@ Returned margins_fields() {
       .or_nil("of another law, and before anything was measured");
 }
 
+Returned rotation_fields() {
+  return Returned{
+      "table",
+      {{"frequency", "Hz", "commanded; negative: against the axis"},
+       {"axis", "", "of the field's rotation, unit"},
+       {"field", "T", "magnitude"},
+       {"limit", "Hz", "the fastest now: of the law, of the coils, below a step-out"},
+       {"set_points", "Hz", "that the amplifiers take"},
+       {"believed_step_out", "Hz", "by the model"},
+       {"response", "", "way per turn over the believed one, of the last 0.6 s"},
+       {"response_before", "", "the same while it turned with the field"},
+       {"response_sigma", "", "standard deviation of response"},
+       {"stepped_out", "", "whether it no longer turns with the field"},
+       {.name = "step_out",
+        .unit = "Hz",
+        .help = "that explains what the last step-out left of the way",
+        .optional = true},
+       {"unresponsive", "", "whether it moves less than it is driven at any frequency"}}}
+      .or_nil("of another law");
+}
+
 /// What the loop is asked, and what it is waited for. 30 s of corrections are what it keeps, which
 /// bounds the duration of their mean.
 std::vector<Binding> listening_rows() {
@@ -178,6 +232,12 @@ std::vector<Binding> listening_rows() {
            "how far the loop is from oscillating, with the gains in use (law estimator; else nil)",
            margins,
            "servo:margins()"},
+          {"rotation",
+           {},
+           rotation_fields(),
+           "what the rotating field does and how the robot answers (law rotating; else nil)",
+           rotation,
+           "servo:rotation()"},
           {"wait_until_tracked",
            {options_of({{.name = "timeout",
                          .type = Type::number,
@@ -244,6 +304,19 @@ std::vector<Binding> steering_rows() {
            "keeps field and weight compensation, leaves the place alone",
            release,
            "servo:release()"},
+          {"spin",
+           {options_of({{.name = "axis", .type = Type::direction, .help = "world"},
+                        {.name = "frequency",
+                         .type = Type::number,
+                         .unit = "Hz",
+                         .min = -200,
+                         .max = 200,
+                         .help = "negative: the other way round"}})},
+           "",
+           "turns the field about an axis until the next goal, wherever the robot goes (law "
+           "rotating)",
+           spin,
+           "servo:spin { axis = { 1, 0, 0 }, frequency = 5 * Hz }"},
           {"set_trim",
            {force},
            "",

@@ -21,8 +21,10 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr double kWithin = 100e-6;  // m
-constexpr double kSettle = 0.5;     // s
+constexpr double kWithin = 100e-6;               // m
+constexpr double kSettle = 0.5;                  // s
+constexpr double kTurnSpeed = 0.35;              // rad/s
+constexpr double kWithinAngle = 3 * M_PI / 180;  // rad
 
 /// For errors: "(1.00, 0.00, -0.25) mm".
 std::string place_text(const Eigen::Vector3d& p) {
@@ -83,18 +85,29 @@ Wait servo_wait(const std::shared_ptr<Servo>& servo,
   return wait;
 }
 
+/// rad, between the robot's axis and its reference; nothing where it is not measured.
+std::optional<double> angle_off(const ServoStatus& now) {
+  if (!now.axis) return std::nullopt;
+  return std::atan2(now.axis->cross(now.direction).norm(), now.axis->dot(now.direction));
+}
+
 /// At the end of the path and within `within` (m) of its goal for `settle` (s), counted in times of
 /// frames without a gap: one frame outside, or without the robot, starts it anew.
 struct Arrival {
   Eigen::Vector3d goal;
   double within, settle;
+  std::optional<double> within_angle{};  // rad; nothing: the axis is no part of it
   std::optional<Time> since{};
 
   bool operator()(const ServoStatus& now) {
-    const bool there = now.progress >= 1 && now.position && (*now.position - goal).norm() <= within;
+    const bool there = now.progress >= 1 && now.position &&
+                       (*now.position - goal).norm() <= within && aligned(now);
     if (!there) since.reset();
     if (there && !since) since = now.time;
     return there && to_seconds(now.time - *since) >= settle;
+  }
+  bool aligned(const ServoStatus& now) const {
+    return !within_angle || (now.turned && angle_off(now).value_or(0) <= *within_angle);
   }
 };
 
@@ -104,9 +117,58 @@ std::string not_there(const ServoStatus& now, const Arrival& arrival, double tim
       now.position ? "it is " + format_quantity((*now.position - arrival.goal).norm(), "m") +
                          " away, at " + place_text(*now.position)
                    : "it is not seen";
+  const auto off = angle_off(now);
+  const std::string askew = arrival.within_angle && off
+                                ? fmt::format(", its axis {:.1f} degrees off", *off * 180 / M_PI)
+                                : "";
   return "the robot was not within " + format_quantity(arrival.within, "m") + " of " +
          place_text(arrival.goal) + " for " + format_quantity(arrival.settle, "s") + " after " +
-         format_quantity(timeout, "s") + ": " + last;
+         format_quantity(timeout, "s") + ": " + last + askew;
+}
+
+/// From the reference's direction now to the one that is asked for; nothing where none is.
+std::optional<control::DirectionPath> turn_of(const Call& call, const Servo& servo) {
+  const auto direction = call.vector_option("direction");
+  const auto speed = call.number_option("turn_speed");
+  if (!direction) {
+    if (speed) throw std::invalid_argument("turn_speed: wants a direction to turn to");
+    return std::nullopt;
+  }
+  return control::DirectionPath::through({servo.direction(), *direction},
+                                         speed.value_or(kTurnSpeed));
+}
+
+/// One direction for each position of the list, reached with it; no arc is faster than turn_speed.
+std::optional<control::DirectionPath> turns_of(Call& call, const Servo& servo) {
+  const bool given = call.push_option("directions");
+  if (!given) {
+    lua_pop(call.L, 1);
+    return turn_of(call, servo);
+  }
+  const std::vector<Eigen::Vector3d> directions =
+      points_at(call.L, lua_gettop(call.L), "directions");
+  lua_pop(call.L, 1);
+  const int at = call.index(0);
+  if (call.vector_option("direction") || handle_class(call.L, at) == &trajectory_class())
+    throw std::invalid_argument("directions: goes with a list of positions, without direction");
+  const std::vector<Eigen::Vector3d> points = points_at(call.L, at, "points");
+  if (directions.size() != points.size())
+    throw std::invalid_argument(
+        fmt::format("directions: wants one for each of {} positions, got {}", points.size(),
+                    directions.size()));
+  std::vector<double> times{0};
+  for (std::size_t k = 1; k < points.size(); ++k)
+    times.push_back(
+        times.back() +
+        control::Trajectory::line(points[k - 1], points[k], motion_limits(call)).duration());
+  const control::DirectionPath path = control::DirectionPath::timed(directions, times);
+  const double most = call.number_option("turn_speed").value_or(kTurnSpeed);
+  if (path.fastest() > most)
+    throw std::invalid_argument(
+        fmt::format("directions: {:.2f} rad/s on the way are more than turn_speed, {:.2f} rad/s; "
+                    "go more slowly",
+                    path.fastest(), most));
+  return path;
 }
 
 /// A trajectory of the script's own, or straight lines through its points. Speed and acceleration
@@ -164,6 +226,8 @@ int servo_calls::status(Call& call) {
       .vector("trim", servo.trim(), "N")
       .vector("offset", servo.offset(), "m");
   if (now.position) table.vector("position", *now.position, "m");
+  table.vector("direction", now.direction, "");
+  if (now.axis) table.vector("axis", *now.axis, "");
   if (now.disturbance) table.vector("disturbance", *now.disturbance, "m/s");
   if (!now.failure.empty()) table.text("failure", now.failure);
   return 1;
@@ -193,6 +257,36 @@ int servo_calls::margins(Call& call) {
   return 1;
 }
 
+int servo_calls::rotation(Call& call) {
+  const auto now = call.self<Servo>().rotation();
+  if (!now) {
+    lua_pushnil(call.L);
+    return 1;
+  }
+  ResultTable table(call);
+  table.number("frequency", now->rotation.frequency, "Hz")
+      .vector("axis", now->rotation.axis, "")
+      .number("field", now->rotation.field, "T")
+      .number("limit", now->limit, "Hz")
+      .number("set_points", now->set_points, "Hz")
+      .number("believed_step_out", now->believed_step_out, "Hz")
+      .number("response", now->response.now)
+      .number("response_before", now->response.before)
+      .number("response_sigma", now->response.sigma)
+      .flag("stepped_out", now->response.stepped_out)
+      .flag("unresponsive", now->unresponsive);
+  if (now->response.step_out > 0) table.number("step_out", now->response.step_out, "Hz");
+  return 1;
+}
+
+int servo_calls::spin(Call& call) {
+  throw_if_troubled(call.self<Servo>());
+  const Eigen::Vector3d axis = *call.vector_option("axis");
+  if (!(axis.norm() > 1e-9)) throw std::invalid_argument("axis: must be a direction");
+  call.self<Servo>().spin(axis.normalized(), *call.number_option("frequency"));
+  return 0;
+}
+
 // The loop's own state is in the error, for `lost` and `searching` ask for different remedies.
 int servo_calls::wait_until_tracked(Call& call) {
   const auto servo = servo_of(call);
@@ -215,13 +309,17 @@ int servo_calls::wait_until_tracked(Call& call) {
 // is checked before the loop is told anything: an error must not leave the robot on its way.
 int servo_calls::go_to(Call& call) {
   const auto servo = servo_of(call);
-  const Arrival arrival{call.vector(0), call.number_option("within").value_or(kWithin),
-                        call.number_option("settle").value_or(kSettle)};
+  Arrival arrival{call.vector(0), call.number_option("within").value_or(kWithin),
+                  call.number_option("settle").value_or(kSettle)};
+  const auto turn = turn_of(call, *servo);
+  if (turn) arrival.within_angle = call.number_option("within_angle").value_or(kWithinAngle);
   const control::Trajectory path =
       control::Trajectory::waypoints({tracked_position(*servo), arrival.goal}, motion_limits(call));
-  const double timeout = call.number_option("timeout").value_or(2 * path.duration() + 20);
+  const double way = std::max(path.duration(), turn ? turn->duration() : 0);
+  const double timeout = call.number_option("timeout").value_or(2 * way + 20);
   call.check_can_wait();
   servo->follow(path);
+  if (turn) servo->turn(*turn);
   Wait wait = servo_wait(servo, arrival);
   wait.deadline = later(session_of(call.L).clock.now(), from_seconds(timeout));
   wait.finish = [servo, arrival, timeout](Call&, bool in_time) {
@@ -240,8 +338,10 @@ int servo_calls::follow(Call& call) {
   throw_if_troubled(*servo);
   const control::Trajectory path = way_of(call);
   const double timeout = call.number_option("timeout").value_or(2 * path.duration() + 20);
+  const auto turn = turns_of(call, *servo);
   call.check_can_wait();
   servo->follow(path, static_cast<int>(call.number_option("pictures").value_or(0)));
+  if (turn) servo->turn(*turn);
   Context& context = call.context();
   const double from = context.fraction,
                to = std::max(from, call.number_option("progress_to").value_or(1));

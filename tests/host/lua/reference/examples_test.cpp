@@ -249,7 +249,22 @@ TEST_F(Examples, OfTheVisionRun) {
   expect_run(kVision, kOfVision);
 }
 
-TEST_F(Examples, OfTheServoRun) { expect_run(kServo, kOfServo); }
+TEST_F(Examples, OfTheServoRun) { expect_run(kServo, kOfServo, {"servo:spin"}); }
+
+TEST_F(Examples, OfTheRotatingServoRun) {
+  const auto entry = find_entry(library(), "servo:spin");
+  ASSERT_TRUE(entry);
+  std::string servo = kServo;
+  const std::string law = "law = \"estimator\"";
+  servo.replace(servo.find(law), law.size(), "law = control.rotating { mode = \"tumbler\" }");
+  const std::string file =
+      write("p.lua", "return { title = 't', run = function(rig, p, run)\n" +
+                         std::string(kExampleNames) + servo + example(*entry) +
+                         "\nrun:wait(0.5 * s)\nassert(math.abs(servo:rotation().frequency) > 1)"
+                         "\nend }");
+  const Ended end = ended([&] { engine->run(engine->describe(file), {}, *bench->session); });
+  EXPECT_EQ(end.error, "");
+}
 
 TEST_F(Examples, OfTheRigsInstrumentsRun) {
   const std::string machine =

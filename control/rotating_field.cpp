@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "control/rotating_field.h"
+
+#include "control/constants.h"
+#include "control/preconditions.h"
+#include "control/wrench_rows.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+
+namespace vitreo::control {
+namespace {
+
+double sinc(double x) { return std::abs(x) < 1e-6 ? 1 : std::sin(kPi * x) / (kPi * x); }
+
+}  // namespace
+
+const char* to_string(RotatingMode mode) {
+  constexpr const char* kNames[] = {"helix", "roller", "tumbler"};
+  return kNames[static_cast<std::size_t>(mode)];
+}
+
+void Rotation::turn_to(const Eigen::Vector3d& other) {
+  first = Eigen::Quaterniond::FromTwoVectors(axis, other) * first;
+  axis = other;
+  first = (first - first.dot(axis) * axis).normalized();
+}
+
+// b = B (e1 cos phi + e2 sin phi) turns as phi' = w, so b + lag b' =
+// B [(cos phi - w lag sin phi) e1 + (sin phi + w lag cos phi) e2].
+Eigen::Vector3d commanded_field(const Rotation& rotation, double phase, double lag, double hold) {
+  const double lead = 2 * kPi * rotation.frequency * lag;
+  const double cosine = std::cos(phase), sine = std::sin(phase);
+  const Eigen::Vector3d second = rotation.axis.cross(rotation.first);
+  return rotation.field / sinc(rotation.frequency * hold) *
+         ((cosine - lead * sine) * rotation.first + (sine + lead * cosine) * second);
+}
+
+double emphasis(double frequency, double lag, double hold) {
+  return std::hypot(1.0, 2 * kPi * frequency * lag) / std::abs(sinc(frequency * hold));
+}
+
+// The normal equations of the weighted least squares, with a little of |I|^2 for a rank that dead
+// coils leave short: (A' W A + eps 1) I = A' W [b; 0].
+FieldCurrents uniform_field_currents(const FieldMatrix& matrix, const CurrentLimits& limits) {
+  require(matrix.cols() == limits.size(), "limits: one a coil is wanted");
+  constexpr double kFieldFirst = 10;  // weight of the field against the gradient times 20 mm
+  FieldMatrix weighted = matrix;
+  for (int coil = 0; coil < limits.size(); ++coil)
+    if (!(limits[coil] > 0)) weighted.col(coil).setZero();
+  weighted.topRows<3>() *= kFieldFirst;
+  weighted.bottomRows<5>() *= kGradientLength;
+  using Square =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxCoils, kMaxCoils>;
+  Square normal = weighted.transpose() * weighted;
+  normal.diagonal().array() += 1e-9 * normal.trace();
+  FieldCurrents right = kFieldFirst * weighted.topRows<3>().transpose();
+  return normal.ldlt().solve(right);
+}
+
+// A coil's current over a turn has the amplitude hypot(K e1, K e2) B; the sum of magnitudes is
+// largest somewhere on the turn: sampled.
+double reachable_part(const FieldCurrents& currents, const Rotation& rotation,
+                      const RotationLimits& limits) {
+  const Eigen::Vector3d second = rotation.axis.cross(rotation.first);
+  const Currents one = currents * rotation.first, two = currents * second;
+  const double peak = rotation.field * emphasis(rotation.frequency, limits.lag, limits.update);
+  const double rate = 2 * kPi * std::abs(rotation.frequency);
+  double part = 1;
+  for (int coil = 0; coil < one.size(); ++coil) {
+    const double amplitude = peak * std::hypot(one[coil], two[coil]);
+    if (!(limits.currents[coil] > 0) || !(amplitude > 0)) continue;
+    part = std::min({part, limits.currents[coil] / amplitude,
+                     rate > 0 ? limits.slew / (rate * amplitude) : 1.0});
+  }
+  constexpr int kAround = 24;
+  for (int k = 0; k < kAround; ++k) {
+    const double phase = 2 * kPi * k / kAround;
+    const double total = peak * (std::cos(phase) * one + std::sin(phase) * two).cwiseAbs().sum();
+    if (total > limits.total) part = std::min(part, limits.total / total);
+  }
+  return part;
+}
+
+// Bisection: the part that can be reached falls with the frequency.
+double fastest(const FieldCurrents& currents, const Rotation& rotation,
+               const RotationLimits& limits) {
+  Rotation tried = rotation;
+  const auto reached = [&](double frequency) {
+    tried.frequency = frequency;
+    return reachable_part(currents, tried, limits) >= 1;
+  };
+  double low = 0, high = 1 / (kSetPointsPerTurn * limits.update);
+  if (!reached(low)) return 0;
+  if (reached(high)) return high;
+  for (int pass = 0; pass < 30; ++pass) {
+    const double middle = (low + high) / 2;
+    (reached(middle) ? low : high) = middle;
+  }
+  return low;
+}
+
+}  // namespace vitreo::control

@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/rotating_controller.h"
+
+#include "control/robots.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+constexpr double kMeasurementFloor = 0.2e-6;  // m, as ServoController's
+/// Part of the step-out found at which it goes on.
+constexpr double kBelowStepOut = 0.8;
+/// Part of the believed step-out up to which it goes where nothing else is said.
+constexpr double kBelowBelieved = 0.7;
+constexpr double kGrace = 1.5;  // s after the first measurement: the robot turns into the field
+
+void need(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(what);
+}
+
+/// m/rad: what the robot goes by where it neither slips nor is hindered.
+double advance_of(const RigModel& model, control::RotatingMode mode) {
+  const control::Robot& robot = model.robot;
+  if (mode == control::RotatingMode::helix)
+    return control::helix_resistance(*robot.helix, model.medium.dynamic_viscosity()).advance();
+  const double a = robot.semi_axis, b = robot.semi_radius;
+  // A turn of a body that tumbles on a wall without slip is the circumference of its ellipse, by
+  // the mean square of the axes; of a sphere that is its radius.
+  return std::sqrt((a * a + b * b) / 2);
+}
+
+/// s: the axis follows the field's as e^(-t / lag), lag = 2 z / (m B), z the drag of turning: the
+/// mean of the torque across the axis over a turn is half of that of a field that stands (helix). A
+/// robot whose moment lies in the plane of rotation turns with it at once.
+double axis_lag(const RigModel& model, control::RotatingMode mode, double field) {
+  if (mode != control::RotatingMode::helix) return 0;
+  return 2 * control::rotational_resistance(model.robot, model.medium) /
+         (model.robot.moment(field) * field);
+}
+
+control::StepOutSettings watch_settings(control::RotatingMode mode) {
+  control::StepOutSettings settings;
+  // A helix' advance is its geometry; how much a wall lets slip is not known beforehand.
+  settings.known = mode == control::RotatingMode::helix;
+  return settings;
+}
+
+}  // namespace
+
+void RotatingSettings::check() const {
+  need(!frequency || (*frequency > 0 && *frequency <= 200), "frequency: must be in (0, 200] Hz");
+  need(!proportional || *proportional >= 0, "proportional: must be at least 0 1/s");
+  need(!max_speed || *max_speed > 0, "max_speed: must be above 0 m/s");
+}
+
+RotatingController::RotatingController(const RigModel& model,
+                                       const RotatingControllerSettings& settings)
+    : model_(model),
+      settings_(settings),
+      advance_((
+          need((settings.law.mode == control::RotatingMode::helix) == model.robot.helix.has_value(),
+               "mode: \"helix\" is for a helical robot, \"roller\" and \"tumbler\" for the "
+               "others"),
+          advance_of(model, settings.law.mode))),
+      lag_(axis_lag(model, settings.law.mode, settings.field)),
+      step_out_limit_(std::numeric_limits<double>::infinity()),
+      watch_(watch_settings(settings.law.mode)),
+      commands_(model.command_delay, std::max(lag_, 1e-3)) {
+  settings_.law.check();
+  need(settings.period > 0, "period: must be above 0 s");
+  need(settings.law.mode == control::RotatingMode::helix || model.eye.size() > 2,
+       "mode: roller and tumbler need an eye in the rig's model, whose retina they go on");
+  state_.rotation.axis = settings.axis;
+  state_.rotation.first = settings.axis.unitOrthogonal();
+  state_.rotation.field = settings.field;
+  state_.believed_step_out = control::step_out_frequency(model.robot, model.medium, settings.field);
+}
+
+RotatingStep RotatingController::step(double now,
+                                      const std::optional<control::PositionMeasurement>& measured,
+                                      const ReferencePath& path, ControlMode mode, double update) {
+  RotatingStep step;
+  step.passed_over = measured && !take(now, *measured, step);
+  settings_.limits.update = update;
+  const Eigen::Vector3d velocity = wanted(step, now, path, mode);
+  allocate(step, position_, update);
+  const double law = settings_.law.frequency.value_or(kBelowBelieved * state_.believed_step_out);
+  state_.limit = std::min({law, coils_limit_, step_out_limit_});
+  state_.set_points = 1 / update;
+  command(now, velocity, position_);
+  control::Rotation& rotation = state_.rotation;
+  rotation.field = settings_.field;
+  const double part = control::reachable_part(step.currents, rotation, settings_.limits);
+  step.limited = part < 1 - 1e-6;
+  rotation.field *= part;
+  return step;
+}
+
+/// As ServoController::take. Each measurement that was used also feeds the watch.
+bool RotatingController::take(double now, const control::PositionMeasurement& measured,
+                              RotatingStep& step) {
+  if (!measured.position.allFinite() || !std::isfinite(measured.time) || measured.time > now)
+    return false;
+  if (last_ && measured.time <= last_->time) return false;
+  control::PositionMeasurement sound = measured;
+  sound.covariance += kMeasurementFloor * kMeasurementFloor * Eigen::Matrix3d::Identity();
+  if (!sound.covariance.allFinite()) return false;
+  if (!estimator_) tune(now, sound);
+  const bool used = estimator_->measure(sound);
+  watch(sound, step);
+  last_ = sound;
+  position_ = sound.position;
+  return used;
+}
+
+/// The delay is the coils'; what lags behind it is the robot's axis, the coils' own lag being made
+/// good by what is commanded.
+void RotatingController::tune(double now, const control::PositionMeasurement& first) {
+  control::LoopIdentity loop;
+  loop.measurement_latency = now - first.time;
+  loop.command_delay = model_.command_delay;
+  loop.command_lag = std::max(lag_, 1e-3);
+  loop.period = settings_.period;
+  loop.noise = std::sqrt(first.covariance.trace() / 3);
+  loop.drag =
+      control::resistance(model_.robot, model_.medium, settings_.axis).diagonal().minCoeff();
+  loop.weight = model_.robot.net_weight(model_.medium);
+  loop.instability = 0;  // a field without gradient pulls nowhere
+  tuning_ = control::tune(loop);
+  tuning_->gains.proportional = settings_.law.proportional.value_or(tuning_->gains.proportional);
+  tuning_->gains.max_speed = settings_.law.max_speed.value_or(tuning_->gains.max_speed);
+  tuning_->gains.check();
+  estimator_.emplace(tuning_->estimator);
+  estimator_->set_before(sinking());
+  began_ = first.time;
+}
+
+/// The way along the commanded one, without the sinking, against it. Where the axis is being turned
+/// by much, the robot's own is not known well enough.
+void RotatingController::watch(const control::PositionMeasurement& measured, RotatingStep& step) {
+  if (!last_ || measured.time < began_ + kGrace) return;
+  const double span = measured.time - last_->time;
+  if (turning_ > 0) {
+    turning_ -= span;
+    return;
+  }
+  const Eigen::Vector3d from = commands_.velocity_at(last_->time);
+  const control::CommandHistory::Motion motion =
+      commands_.advance(from, last_->time, measured.time);
+  commands_.forget_before(last_->time - commands_.memory());
+  const double commanded = motion.moved.norm();
+  if (!(commanded > 0)) return;
+  const Eigen::Vector3d along = motion.moved / commanded;
+  const double turning =
+      along.dot(last_commanded_.norm() > 0 ? last_commanded_.normalized() : along);
+  constexpr double kStraight = 0.9;  // cosine
+  if (std::abs(turning) < kStraight) return;
+  const double frequency = commanded / span / std::abs(advance_) / (2 * M_PI);
+  // Turned slowly, a helix turns its axis more slowly than by the lag (docs/rotating_fields.md).
+  constexpr double kTooSlow = 1. / 8;  // of the believed step-out
+  if (frequency < kTooSlow * state_.believed_step_out) return;
+  const double went = (measured.position - last_->position - span * sinking()).dot(along);
+  const bool found = watch_.add(went, commanded, span, frequency);
+  if (found) step.stepped_out = frequency;
+  judge(found, step);
+  state_.response = watch_.response();
+  state_.response.stepped_out = step_outs_ > 0;
+}
+
+/// A step-out: below it, the robot turns with the field again, which is then watched for. A robot
+/// that does not at three lower frequencies is held, aground, or not what is believed.
+void RotatingController::judge(bool found, RotatingStep& step) {
+  constexpr int kTries = 3;
+  if (found) {
+    ++step_outs_;
+    state_.unresponsive = state_.unresponsive || step_outs_ > kTries;
+    if (!settings_.law.recover || state_.unresponsive) return;
+    step_out_limit_ = kBelowStepOut * watch_.response().step_out;
+    watch_.recovered();
+    settle_in(0);
+  } else if (step_outs_ > 0 && watch_.settled() && !watch_.response().stepped_out) {
+    step_outs_ = 0;
+    state_.unresponsive = false;
+    step.recovered = true;
+  }
+}
+
+/// The velocity to command, m/s through the fluid; zero: the field stands.
+Eigen::Vector3d RotatingController::wanted(RotatingStep& step, double now,
+                                           const ReferencePath& path, ControlMode mode) {
+  if (!estimator_) return Eigen::Vector3d::Zero();
+  step.estimate = estimator_->at(now);
+  if (!step.estimate) return Eigen::Vector3d::Zero();
+  const double then = now + std::max(0.0, tuning_->horizon + step.estimate->delay);
+  const auto ahead = estimator_->at(then);
+  if (!ahead || (mode != ControlMode::follow && mode != ControlMode::cancel))
+    return Eigen::Vector3d::Zero();
+  position_ = ahead->position;
+  const control::Reference reference = control::held_reference(path, then, settings_.period);
+  // As ServoController::plan.
+  constexpr double kRemembered = 0.92;  // s
+  changes_.reference_speed =
+      std::max(reference.velocity.norm(),
+               changes_.reference_speed * std::exp(-settings_.period / kRemembered));
+  changes_.command = (ahead->commanded - last_ahead_).norm();
+  last_ahead_ = ahead->commanded;
+  const control::ServoSchedule planned = control::schedule(*tuning_, *ahead, changes_);
+  estimator_->set_disturbance_walk(planned.disturbance_walk);
+  control::ServoGains gains = tuning_->gains;
+  gains.proportional = settings_.law.proportional.value_or(planned.proportional);
+  if (mode == ControlMode::cancel) return -ahead->disturbance / (1 + ahead->gain) - sinking();
+  const Eigen::Vector3d velocity = control::servo_velocity(gains, reference, *ahead);
+  step.correction = velocity - reference.velocity;
+  // A reference that runs away, because the frequency is limited, waits.
+  constexpr double kPatience = 0.3e-3;  // m
+  const double off = (reference.position - ahead->position).norm();
+  step.behind = settings_.period * std::clamp(off / kPatience - 1, 0.0, 1.0);
+  return velocity - sinking();
+}
+
+void RotatingController::command(double now, const Eigen::Vector3d& velocity,
+                                 const Eigen::Vector3d& position) {
+  control::Rotation& rotation = state_.rotation;
+  control::SwimCommand given;
+  const double most = std::max(state_.limit, 1e-3);
+  if (spin_) {
+    rotation.turn_to(spin_->axis);
+    rotation.frequency = std::clamp(spin_->frequency, -most, most);
+    const bool helix = settings_.law.mode == control::RotatingMode::helix;
+    const Eigen::Vector3d direction =
+        helix ? spin_->axis : spin_->axis.cross(wall_normal(position));
+    given.velocity = advance_ * 2 * M_PI * rotation.frequency * direction;
+  } else {
+    control::SwimSettings swim;
+    swim.mode = settings_.law.mode;
+    swim.advance = advance_;
+    // The robot's axis is at most half a radian behind.
+    swim.turn_rate = std::min(6.0, 0.5 / std::max(lag_, 1e-3));
+    swim.frequency = most;
+    given = control::swim(swim, velocity, wall_normal(position), rotation.axis, settings_.period);
+    rotation.turn_to(given.axis);
+    rotation.frequency = given.frequency;
+  }
+  commands_.add(now, given.velocity);
+  last_commanded_ = given.velocity;
+  if (estimator_) estimator_->command(now, given.velocity + sinking());
+}
+
+void RotatingController::allocate(RotatingStep& step, const Eigen::Vector3d& position,
+                                  double update) {
+  const Eigen::Vector3d known = model_.field.nearest_valid(position);
+  step.outside = known != position;
+  step.currents =
+      control::uniform_field_currents(model_.field.matrix(known), settings_.limits.currents);
+  step.constant = -step.currents * model_.field.background(known).head<3>();
+  control::Rotation whole = state_.rotation;
+  whole.field = settings_.field;
+  settings_.limits.update = update;
+  coils_limit_ = control::fastest(step.currents, whole, settings_.limits);
+}
+
+/// m/s, world; zero on a wall, which carries the robot.
+Eigen::Vector3d RotatingController::sinking() const {
+  if (settings_.law.mode != control::RotatingMode::helix) return Eigen::Vector3d::Zero();
+  const Eigen::Vector3d weight(0, 0, -model_.robot.net_weight(model_.medium));
+  return control::resistance(model_.robot, model_.medium, state_.rotation.axis).inverse() * weight;
+}
+
+/// Of the retina, towards the robot: its sphere below the equator, a cylinder above.
+Eigen::Vector3d RotatingController::wall_normal(const Eigen::Vector3d& position) const {
+  if (settings_.law.mode == control::RotatingMode::helix) return Eigen::Vector3d::UnitZ();
+  const double radius = model_.eye.surfaces.front().radius;
+  Eigen::Vector3d inwards = model_.eye_in_world + Eigen::Vector3d(0, 0, radius) - position;
+  inwards.z() = std::max(inwards.z(), 0.0);
+  return inwards.norm() > 1e-6 ? Eigen::Vector3d(inwards.normalized()) : Eigen::Vector3d::UnitZ();
+}
+
+void RotatingController::spin(const Eigen::Vector3d& axis, double frequency) {
+  need(axis.allFinite() && std::abs(axis.norm() - 1) < 1e-6, "axis: must be a direction");
+  need(std::isfinite(frequency), "frequency: must be a number");
+  constexpr double kLeap =
+      0.95;  // cosine: an axis that leaps takes some lags until the robot is there
+  constexpr double kLags = 4;
+  settle_in(std::abs(axis.dot(state_.rotation.axis)) < kLeap ? kLags * lag_ : 0);
+  spin_ = Spin{axis, frequency};
+  watch_.recovered();
+  step_outs_ = 0;
+}
+
+/// What was on its way when the frequency or the axis leapt is not judged.
+void RotatingController::settle_in(double more) {
+  if (tuning_) turning_ = tuning_->loop.measurement_latency + model_.command_delay + more;
+}
+
+void RotatingController::reset() {
+  estimator_.reset();
+  tuning_.reset();
+  watch_.reset();
+  commands_.clear();
+  last_.reset();
+  changes_ = {};
+  last_commanded_.setZero();
+  last_ahead_.setZero();
+}
+
+}  // namespace vitreo

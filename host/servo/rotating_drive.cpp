@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/rotating_drive.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+RotorSettings rotor_settings(const RigModel& model) {
+  RotorSettings settings;
+  settings.delay = model.command_delay;
+  // The bandwidth f is a first-order lag's -3 dB frequency: its time constant is 1 / (2 pi f).
+  settings.lag = 1 / (2 * M_PI * model.command_bandwidth);
+  return settings;
+}
+
+/// A second loop of the same run goes on with the first one's stream.
+int rotation_stream(Recorder& recorder) {
+  const StreamInfo info{"rotation",
+                        "the rotating field that is commanded, and how the robot answers it",
+                        {{"frequency", "Hz"},
+                         {"axis_x", ""},
+                         {"axis_y", ""},
+                         {"axis_z", ""},
+                         {"field", "T"},
+                         {"phase", "rad"},
+                         {"limit", "Hz"},
+                         {"set_points", "Hz"},
+                         {"response", ""},
+                         {"response_sigma", ""},
+                         {"stepped_out", ""}}};
+  for (std::size_t i = 0; i < recorder.streams().size(); ++i)
+    if (recorder.streams()[i].info.name == info.name) return static_cast<int>(i);
+  return recorder.add_stream(info);
+}
+
+}  // namespace
+
+RotatingDrive::RotatingDrive(Clock& clock, Rig& rig, Recorder& recorder,
+                             const RotatingControllerSettings& settings)
+    : clock_(clock),
+      rig_(rig),
+      recorder_(recorder),
+      controller_(rig.model, settings),
+      rotor_(clock, *rig.coils, rotor_settings(rig.model)),
+      stream_(rotation_stream(recorder)) {}
+
+ControlStep RotatingDrive::step(double now,
+                                const std::optional<control::PositionMeasurement>& measured,
+                                ReferencePath& path, ControlMode mode, Time exposed) {
+  rotor_.check();
+  const RotatingStep turn = controller_.step(now, measured, path, mode, rotor_.interval());
+  path.begin += turn.behind;
+  rotor_.turn(state().rotation, turn.currents, turn.constant);
+  report(turn);
+  record(exposed);
+  ControlStep step;
+  const std::vector<double> flowing = rig_.coils->currents();
+  step.currents =
+      Eigen::Map<const Eigen::VectorXd>(flowing.data(), static_cast<Eigen::Index>(flowing.size()));
+  step.estimate = turn.estimate;
+  step.correction = turn.correction;
+  step.field = state().rotation.field;
+  step.headroom = 1 - step.currents.cwiseAbs().maxCoeff() / rig_.coils->current_limit();
+  step.limited = turn.limited || rotor_.limited();
+  step.outside = turn.outside;
+  step.passed_over = turn.passed_over;
+  return step;
+}
+
+void RotatingDrive::stop() {
+  rotor_.stop();
+  controller_.reset();
+}
+
+void RotatingDrive::spin(const Eigen::Vector3d& axis, double frequency) {
+  controller_.spin(axis, frequency);
+}
+
+/// An event and an alarm at a step-out, an event when it is over.
+void RotatingDrive::report(const RotatingStep& step) {
+  const RotationState& now = state();
+  if (step.stepped_out) {
+    const std::string what = fmt::format(
+        "at {:.2f} Hz the robot goes {:.0f} % of its way per turn: it no longer turns with the "
+        "field, as beyond a step-out at about {:.2f} Hz",
+        *step.stepped_out, 100 * now.response.now / now.response.before, now.response.step_out);
+    recorder_.event(clock_.now(), "step-out", what);
+    recorder_.alarm(clock_.now(), "step-out", AlarmPriority::medium, what);
+  }
+  if (step.recovered)
+    recorder_.event(
+        clock_.now(), "in step",
+        fmt::format("the robot turns with the field again, below {:.2f} Hz", now.limit));
+  if (now.unresponsive && !was_unresponsive_)
+    recorder_.event(clock_.now(), "degraded",
+                    "the robot moves less than it is driven at any frequency: it is held or "
+                    "aground, or its response is not the one believed");
+  was_unresponsive_ = now.unresponsive;
+}
+
+void RotatingDrive::record(Time exposed) {
+  const RotationState& now = state();
+  recorder_.sample(stream_, exposed,
+                   std::array{now.rotation.frequency, now.rotation.axis.x(), now.rotation.axis.y(),
+                              now.rotation.axis.z(), now.rotation.field, rotor_.phase(), now.limit,
+                              now.set_points, now.response.now, now.response.sigma,
+                              now.response.stepped_out ? 1.0 : 0.0});
+}
+
+}  // namespace vitreo

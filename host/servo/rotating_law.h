@@ -1,0 +1,32 @@
+// Settings and state of the law "rotating": the field turns, and the robot swims, rolls or tumbles.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/rotating_field.h"
+#include "control/step_out.h"
+
+#include <optional>
+
+namespace vitreo {
+
+struct RotatingSettings {
+  control::RotatingMode mode = control::RotatingMode::helix;
+  /// Hz, the fastest. Nothing: seven tenths of the believed step-out, within what the coils can do.
+  std::optional<double> frequency{};
+  std::optional<double> proportional{};  // 1/s; nothing: tuned
+  std::optional<double> max_speed{};     // m/s, of the feedback alone; nothing: tuned
+  bool recover = true;                   // at a step-out, go below it; else only tell
+  void check() const;                    // throws std::invalid_argument naming the setting
+};
+
+/// What the field does and how the robot answers.
+struct RotationState {
+  control::Rotation rotation;          // as commanded
+  control::RotationResponse response;  // of the robot to it
+  double limit = 0;                    // Hz, the fastest now
+  double believed_step_out = 0;        // Hz, by the model
+  double set_points = 0;               // 1/s
+  bool unresponsive = false;           // moves less than it is driven, at any frequency
+};
+
+}  // namespace vitreo
