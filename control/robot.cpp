@@ -6,6 +6,7 @@
 #include "control/soft_magnet.h"
 
 #include <cmath>
+#include <cstddef>
 
 namespace vitreo::control {
 namespace {
@@ -41,6 +42,11 @@ PerrinDrag perrin(double viscosity, double a, double b) {
 }
 
 }  // namespace
+
+const char* to_string(BodyShape shape) {
+  constexpr const char* kNames[] = {"ellipsoid", "crossed plates", "cylinder", "sphere", "disc"};
+  return kNames[static_cast<std::size_t>(shape)];
+}
 
 // Throws std::invalid_argument naming the parameter.
 void Medium::check() const {
@@ -90,6 +96,7 @@ Robot coni_2mm() {
   constexpr double kRadius = 0.5e-3;
   Robot robot;
   robot.name = "CoNi 2 mm";
+  robot.shape = BodyShape::crossed_plates;
   robot.semi_axis = kAxis;
   robot.semi_radius = kRadius;
   // 0.128 mm^3

@@ -21,17 +21,22 @@ struct Medium {
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 
+/// Shape of a body's surface. A disc is a cylinder that is wider than long.
+enum class BodyShape { ellipsoid, crossed_plates, cylinder, sphere, disc };
+const char* to_string(BodyShape shape);
+
 /// An elongated robot: a prolate spheroid for fluid and optics.
 struct Robot {
   std::string name;
-  double semi_axis = 1e-3;      // m, along the axis
-  double semi_radius = 0.5e-3;  // m, across
-  double solid_volume = 0;      // m^3 of metal
-  double solid_density = 0;     // kg/m^3
-  double saturation = 0;        // A/m: saturation magnetization (soft) or remanence/mu0 (hard)
-  double demagnetization = 0;   // along the easy axis; 0 with `hard`
-  bool hard = false;            // a permanent magnet
-  double anisotropy = 0;  // of a soft magnet: the factor across the axis less the one along it
+  BodyShape shape = BodyShape::ellipsoid;  // of its surface (control/clearance.h)
+  double semi_axis = 1e-3;                 // m, along the axis
+  double semi_radius = 0.5e-3;             // m, across
+  double solid_volume = 0;                 // m^3 of metal
+  double solid_density = 0;                // kg/m^3
+  double saturation = 0;       // A/m: saturation magnetization (soft) or remanence/mu0 (hard)
+  double demagnetization = 0;  // along the easy axis; 0 with `hard`
+  bool hard = false;           // a permanent magnet
+  double anisotropy = 0;       // of a soft magnet: the factor across the axis less the one along it
   // A helical swimmer, whose moment is across the axis. Else that is along it, and the body a
   // spheroid; for the optics a helix is the spheroid about it.
   std::optional<Helix> helix{};

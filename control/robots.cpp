@@ -26,9 +26,11 @@ constexpr std::pair<std::string_view, Robot (*)()> kRobots[] = {
 
 // A permanent magnet: m = Br V / mu0, and 7500 kg/m^3 of NdFeB (facts/magnetics 3.1).
 // The moment of a permanent magnet is its remanence over mu0 times its volume, whatever the field.
-Robot magnet(std::string name, double semi_axis, double semi_radius, double volume) {
+Robot magnet(std::string name, BodyShape shape, double semi_axis, double semi_radius,
+             double volume) {
   Robot robot;
   robot.name = std::move(name);
+  robot.shape = shape;
   robot.semi_axis = semi_axis;
   robot.semi_radius = semi_radius;
   robot.solid_volume = volume;
@@ -47,6 +49,7 @@ Robot ni_500um() {
   constexpr double kRadius = 0.125e-3;
   Robot robot;
   robot.name = "Ni 0.5 mm";
+  robot.shape = BodyShape::crossed_plates;
   robot.semi_axis = kAxis;
   robot.semi_radius = kRadius;
   robot.solid_volume = 2 * kPi * kAxis * kRadius * kThickness - 2 * kAxis * kThickness * kThickness;
@@ -62,7 +65,7 @@ Robot ni_500um() {
 
 Robot ndfeb_sphere_500um() {
   constexpr double kRadius = 0.25e-3;
-  return magnet("NdFeB sphere 0.5 mm", kRadius, kRadius,
+  return magnet("NdFeB sphere 0.5 mm", BodyShape::sphere, kRadius, kRadius,
                 4. / 3 * kPi * kRadius * kRadius * kRadius);
 }
 
@@ -70,7 +73,8 @@ Robot ndfeb_cylinder_1mm() {
   constexpr double kHalf = 0.5e-3;
   constexpr double kRadius = 0.25e-3;
   // Drag and optics are those of the inscribed ellipsoid, as in the table of facts/magnetics 3.1.
-  return magnet("NdFeB cylinder 1 mm", kHalf, kRadius, 2 * kHalf * kPi * kRadius * kRadius);
+  return magnet("NdFeB cylinder 1 mm", BodyShape::cylinder, kHalf, kRadius,
+                2 * kHalf * kPi * kRadius * kRadius);
 }
 
 // Assumed, after helices as they are printed (a filament of resin, 1150 kg/m^3, and a cylinder of

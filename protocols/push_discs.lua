@@ -54,8 +54,14 @@ return {
     )
     rig.simulation:move_body("disc", away)
     local start = vector(-p.way / 2 - 1 * mm, 0, p.height)
-    local servo <close> =
-      rig:servo { feedback = "pose_sensor", law = "estimator", field = 15 * mT, axis = { 1, 0, 0 }, lost_timeout = 5 * s }
+    local servo <close> = rig:servo {
+      feedback = "pose_sensor",
+      law = "estimator",
+      field = 15 * mT,
+      axis = { 1, 0, 0 },
+      lost_timeout = 5 * s,
+      touch = true, -- the discs lie on the retina
+    }
     servo:hold(start)
     rig.sample:insert_robot(start)
     servo:wait_until_tracked()

@@ -32,6 +32,16 @@
 
 namespace vitreo {
 
+/// What the robot's surface keeps away from retina and lens, and what is doubtful of where it is
+/// found beside the noise of its measurement (control/clearance.h).
+struct KeepOutSettings {
+  double margin = 0.2e-3;  // m, of the clearance's lower bound
+  /// Relative, one sigma: of the robot's size in the image (its size, its outline, the pixel),
+  /// which a depth is found by.
+  double scale_uncertainty = 0.015;
+  bool eye_uncertain = false;  // the eye is known no better than thesis table 5.1 says
+};
+
 /// The nominal model: what the loop computes with. The real thing (or the simulated one) differs.
 struct RigModel {
   optics::System eye;
@@ -51,6 +61,7 @@ struct RigModel {
   std::vector<int> dead_coils;    // channels from 1 that must stay without current
   control::Robot robot;
   control::Medium medium;
+  KeepOutSettings keep_out;
   std::string focus_axis = "z";            // of the stage that carries the sensor, along the light
   std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
 };

@@ -47,6 +47,17 @@ void read_model(ConfigReader reader, RigSettings& settings) {
   reader.finish();
 }
 
+/// The margin of the robot's surface, and how well the view is known. Above 2 mm a margin would
+/// leave hardly any place in the eye.
+void read_keep_out(ConfigReader reader, KeepOutSettings& keep_out) {
+  keep_out.margin = reader.number("margin", keep_out.margin, {0, 2 * kMillimeter, "m"});
+  keep_out.scale_uncertainty =
+      reader.number("scale_uncertainty", keep_out.scale_uncertainty, {0, 0.2, ""});
+  keep_out.eye_uncertain = reader.choice("eye", keep_out.eye_uncertain ? "table_5_1" : "known",
+                                         {"known", "table_5_1"}) == "table_5_1";
+  reader.finish();
+}
+
 // The default exposure is at most half a frame period and twice the latency.
 void read_camera(ConfigReader& reader, sim::CameraSettings& camera, double& pixel) {
   camera.size.width = reader.integer("width_px", camera.size.width, 64, 8192);
@@ -457,6 +468,7 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   Rights::read(reader);
   Calibrations::read(reader);
   read_model(reader.table("model"), settings);
+  read_keep_out(reader.table("keep_out"), settings.model.keep_out);
   if (reader.has("top_camera")) read_top_camera(reader.table("top_camera"), settings);
   if (reader.has("side_camera")) read_side_camera(reader.table("side_camera"), settings);
   if (reader.has("coils")) read_coils(reader.table("coils"), settings);

@@ -31,6 +31,12 @@ constexpr Time kRest = std::chrono::seconds(2);
 // Until a current that was set to zero is read back as zero, and between two readings.
 constexpr Time kRestPatience = std::chrono::milliseconds(500);
 constexpr Time kRestPeriod = std::chrono::milliseconds(25);
+// Of a push against a wall: m below the margin, and m/s, that are no push; m by which it got away;
+// how long it is let.
+constexpr double kMarginSlack = 50e-6;
+constexpr double kPushed = 20e-6;
+constexpr double kGotAway = 10e-6;
+constexpr Time kPushPatience = std::chrono::seconds(1);
 
 // Exactly zero: a small current is a current, and keeps the dead-man at work.
 bool is_zero(std::span<const double> currents) {
@@ -152,6 +158,21 @@ void Interlock::set_currents(std::span<const double> currents) {
 // Conditions are added by the rig's opening and outlive every loop; they are asked in their order.
 void Interlock::require(std::string why, std::function<bool()> holds) {
   conditions_.push_back({std::move(why), std::move(holds)});
+}
+
+// A disturbance that the loop corrects is away within a second, and a loop that gives way gets
+// away: what is left is a push that nobody wants.
+void Interlock::near(const std::optional<Nearness>& now) {
+  const bool pushes =
+      now && now->bound < now->margin - kMarginSlack && now->push > kPushed && clock_ != nullptr;
+  if (!pushes) return pushed_.reset();
+  if (!pushed_ || now->bound > pushed_->bound + kGotAway) pushed_ = {clock_->now(), now->bound};
+  if (clock_->now() - pushed_->since < kPushPatience) return;
+  pushed_.reset();
+  refuse(
+      fmt::format("keep-out margin: the robot is pushed against the {} at {:.2f} mm/s, {:.2f} mm "
+                  "from it or less, where {:.2f} mm must be left",
+                  now->wall, now->push * 1e3, std::max(0.0, now->bound) * 1e3, now->margin * 1e3));
 }
 
 /// Why no current may flow; empty: it may.

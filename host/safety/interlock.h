@@ -13,6 +13,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -89,6 +90,19 @@ class Interlock : public CoilAmplifier {
   /// `why` says that it does not hold. Asked before the coils are energized and every 50 ms while
   /// they are; must not throw.
   void require(std::string why, std::function<bool()> holds);
+
+  /// Of a loop that knows where its robot is, each turn before its set-point: how near the surface
+  /// is to a wall, and how fast the currents alone drive it there.
+  struct Nearness {
+    std::string wall;   // "retina"
+    double bound = 0;   // m, the clearance's lower bound
+    double margin = 0;  // m
+    double push = 0;    // m/s, towards the wall
+  };
+  /// Inside the margin, pushed for a second without getting away: a trip, as a set-point beyond a
+  /// limit is. Currents that carry the robot, or lead it away, are let: at zero it would sink.
+  /// Nothing: the robot is not seen, or may touch.
+  void near(const std::optional<Nearness>& now);
 
   /// From here on the line beats while a current may flow, and as long as the watch, every
   /// heartbeat and every condition let it; its end is a trip. A first set-point waits for its
@@ -180,6 +194,11 @@ class Interlock : public CoilAmplifier {
   std::vector<Condition> conditions_;
   Signal energized_changed_;
   CoilUse use_;
+  struct Pushed {
+    Time since;
+    double bound;  // m, then
+  };
+  std::optional<Pushed> pushed_;          // against a wall, inside the margin
   Time watched_at_{};                     // the watch's last turn
   std::unique_ptr<HeartbeatLine> line_;   // null: none
   Time answer_within_{};                  // where there is a line

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/servo.h"
 
+#include "control/stability.h"
 #include "host/servo/attitude_loop.h"
 #include "host/servo/observation_source.h"
 #include "host/servo/rotating_drive.h"
 #include "host/servo/servo_record.h"
 #include "host/servo/visibility.h"
+#include "host/servo/wall_watch.h"
 #include "host/text/units.h"
 
 #include <fmt/format.h>
@@ -141,9 +143,12 @@ struct Servo::Loop {
         controller(the_rig.model, controller_settings(the_rig, given, source.period())),
         archive(the_recorder, the_rig, source_of(given.feedback),
                 given.law == ControlLaw::estimator || given.law == ControlLaw::rotating),
-        attitude(the_recorder, given.axis, attitude_gains(the_rig)) {
+        attitude(the_recorder, given.axis, attitude_gains(the_rig)),
+        surface(the_rig.model, given.clearance_belief()),
+        walls(the_rig.model.keep_out.margin) {
     if (given.law == ControlLaw::rotating)
       rotating.emplace(clock, rig, recorder, rotating_settings(rig, given, source.period()));
+    if (!given.may_touch) controller.keep_out(&surface);
     recorder.event(clock.now(), "feedback",
                    fmt::format("law {}, feedback {} ({})", to_string(given.law),
                                to_string(given.feedback), source_of(given.feedback)));
@@ -174,10 +179,13 @@ struct Servo::Loop {
     const double now = to_seconds(clock.now());
     begin(now);
     note_observation(frame, observation);
+    look_at_walls(observation);
     const ControlStep step = drive(frame, now, observation);
     const control::Reference target = reference.at(to_seconds(frame.exposed));
+    watch_walls(frame, target, step);
     publish(frame, target, observation, step);
     archive.sample(frame.exposed, clock.now(), observation, target, step);
+    archive.clearance(frame.exposed, status.clearance, surface, step);
     // Picture k of n is due at the fraction k / (n + 1) of the way.
     if (mode == Mode::following && status.progress * (pictures + 1) >= pictures_taken + 1 &&
         pictures_taken < pictures)
@@ -219,6 +227,55 @@ struct Servo::Loop {
       recorder.alarm(clock.now(), "robot lost", AlarmPriority::medium,
                      "it was not seen for the time allowed");
     }
+  }
+
+  void look_at_walls(const Observation& observation) {
+    status.clearance.reset();
+    status.position = observation.position;
+    if (observation.position)
+      status.clearance = surface.at(*observation.position, observation.covariance);
+  }
+
+  /// Alarms: inside the margin, and pushed against a wall that the position does not show. In that
+  /// case the view is wrong by what it shows there, and is believed so from then on.
+  void watch_walls(const Frame& frame, const control::Reference& target, const ControlStep& step) {
+    report(step.kept_out, was_kept_out,
+           "the keep-out margin changes the command: the robot would come nearer to a wall");
+    if (!status.clearance || !status.position || may_touch || let_go) return walls.forget();
+    const control::Clearance& near = *status.clearance;
+    const WallWatch::Verdict verdict =
+        walls.see({to_seconds(frame.exposed), near, *status.position, target.position,
+                   step.kept_out || mode == Mode::released});
+    if (verdict.inside && !std::exchange(was_inside, true))
+      recorder.alarm(clock.now(), "keep-out margin", AlarmPriority::high,
+                     "the robot's surface is " + clearance_text(near) + ": raise it");
+    was_inside = verdict.inside;
+    if (!verdict.pressed) return;
+    recorder.alarm(clock.now(), "pushed against a wall", AlarmPriority::high,
+                   "the robot does not come nearer to a wall, though it is told to: it is taken to "
+                   "touch it, where the view shows it " +
+                       clearance_text(near));
+    surface.felt(near.at_lens(), near.nearest().distance);
+    walls.forget();
+  }
+
+  /// What the interlock judges by: the speed at which these currents alone drive the robot towards
+  /// the nearest wall, by the model.
+  void report_nearness(const control::Currents& currents) {
+    if (!status.clearance || !status.position || may_touch) return rig.coils->near(std::nullopt);
+    const control::WallClearance& wall = status.clearance->nearest();
+    const RigModel& model = rig.model;
+    Eigen::Vector3d force = control::force_at(model.field, model.robot, model.medium, currents,
+                                              model.field.nearest_valid(*status.position));
+    force.z() += model.robot.net_weight(model.medium);
+    const Eigen::Vector3d driven = controller.drag_at(*status.position).inverse() * force;
+    rig.coils->near(Interlock::Nearness{status.clearance->at_lens() ? "lens" : "retina",
+                                        wall.bound(), surface.margin(), -wall.normal.dot(driven)});
+  }
+
+  void report(bool is, bool& was, const char* what) {
+    if (is && !was) recorder.event(clock.now(), "degraded", what);
+    was = is;
   }
 
   /// The measurement keeps the time of its exposure; what became of the robot since then is the
@@ -265,10 +322,6 @@ struct Servo::Loop {
 
   /// An event "degraded" each time that a limitation begins.
   void report_limits(const ControlStep& step) {
-    const auto report = [this](bool is, bool& was, const char* what) {
-      if (is && !was) recorder.event(clock.now(), "degraded", what);
-      was = is;
-    };
     report(step.limited, was_limited,
            "a current limit cuts field or lateral force; the vertical force comes first");
     report(
@@ -289,8 +342,11 @@ struct Servo::Loop {
   }
 
   void send(const control::Currents& wanted) {
-    rig.coils->set_currents(
-        rig.coils->reachable({wanted.data(), static_cast<std::size_t>(wanted.size())}));
+    const std::vector<double> sent =
+        rig.coils->reachable({wanted.data(), static_cast<std::size_t>(wanted.size())});
+    report_nearness(
+        Eigen::Map<const Eigen::VectorXd>(sent.data(), static_cast<Eigen::Index>(sent.size())));
+    rig.coils->set_currents(sent);
   }
 
   void switch_off() {
@@ -319,6 +375,7 @@ struct Servo::Loop {
     if (step.currents.size() > 0) status.field = step.field;
     status.headroom = step.headroom;
     status.limited = step.limited;
+    status.kept_out = step.kept_out;
     status.progress = 1;
     // By the exposure: what the robot had reached then is compared with what it was to reach then.
     const double since = to_seconds(frame.exposed) - reference.begin;
@@ -342,6 +399,7 @@ struct Servo::Loop {
   /// Checked before anything is changed, so a path that is refused leaves the loop as it was.
   void set_goal(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
     check_reach(rig.model, path);
+    if (!settings.may_touch) surface.check(path);
     if (looks(settings.feedback) || settings.stays_in_sight)
       check_visible(rig.model, rig.top_camera->info(), settings.view.image_scale, path);
     reference = {path, reference.begin};
@@ -353,6 +411,15 @@ struct Servo::Loop {
     mode = wanted;
     let_go = false;
     corrections.clear();
+    allow_touch(settings.may_touch);
+  }
+
+  /// A robot that is laid on the retina on purpose; the record says so.
+  void allow_touch(bool allowed) {
+    walls.forget();
+    controller.keep_out(allowed ? nullptr : &surface);
+    if (allowed != std::exchange(may_touch, allowed))
+      recorder.event(clock.now(), "keep-out margin", allowed ? "off: the robot may touch" : "on");
   }
 
   /// The end of the loop: zero current, and the interlock open after a failure until it is enabled
@@ -401,6 +468,11 @@ struct Servo::Loop {
   bool was_at_bound = false;
   double bounded = 0;  // part of the last turns in which the filter met a bound
   bool was_inconsistent = false;
+  RobotClearance surface;
+  WallWatch walls;
+  bool may_touch = false;
+  bool was_kept_out = false;
+  bool was_inside = false;
   Time last_seen{};
   ServoStatus status;
   Signal ticked;
@@ -454,11 +526,12 @@ Eigen::Vector3d Servo::direction() const {
 }
 
 /// Throws std::invalid_argument for another law, which has no estimate of a disturbance.
-void Servo::release(bool cancel) {
+void Servo::release(bool cancel, bool touch) {
   if (cancel && loop_->settings.law != ControlLaw::estimator)
     throw std::invalid_argument("cancel: only the law \"estimator\" knows what pushes the robot");
   if (loop_->rotating) loop_->rotating->steer();
   loop_->canceling = cancel;
+  loop_->allow_touch(touch || loop_->settings.may_touch);
   loop_->mode = Loop::Mode::released;
   loop_->let_go = false;
   loop_->corrections.clear();
@@ -520,6 +593,8 @@ Eigen::Vector3d Servo::mean_correction(double duration) const {
 }
 
 std::optional<ServoMargins> Servo::margins() const { return loop_->controller.margins(); }
+
+double Servo::margin() const { return loop_->surface.margin(); }
 
 /// The next frame with an image takes it; a caption that is still waiting is replaced.
 void Servo::snapshot(const std::string& caption) { loop_->wanted_picture = caption; }

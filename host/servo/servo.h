@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "control/clearance.h"
 #include "control/direction_path.h"
 #include "control/trajectory.h"
 #include "devices/time/clock.h"
@@ -37,8 +38,11 @@ struct ServoStatus {
   double field = 0;                     // T, that is commanded
   double headroom = 1;                  // 1 - largest |current| / limit, over the living coils
   bool limited = false;                 // a current limit cost something of field or force
-  std::string failure;                  // what ended it, in state failed
-  std::exception_ptr error;             // the same as it was thrown
+  /// Of the robot's surface; nothing while it is not seen, and without a lens in the rig's eye.
+  std::optional<control::Clearance> clearance;
+  bool kept_out = false;     // the keep-out margin changed the command
+  std::string failure;       // what ended it, in state failed
+  std::exception_ptr error;  // the same as it was thrown
 };
 
 /// The calls return at once; `changed()` is notified at each tick. The loop runs as a task of the
@@ -55,7 +59,7 @@ class Servo {
   const ServoSettings& settings() const;
   /// Goes along a trajectory, then holds its end. Its time starts at the next tick. `pictures`: so
   /// many snapshots evenly along the way. Throws std::invalid_argument for a position out of reach,
-  /// and then goes on as before.
+  /// or nearer to a wall than the keep-out margin, and then goes on as before.
   void follow(const control::Trajectory& path, int pictures = 0);
   void hold(const Eigen::Vector3d& position);  // throws as follow
   /// Turns the robot's axis along a reference, from the next tick on, whatever the position does.
@@ -66,9 +70,10 @@ class Servo {
   Eigen::Vector3d direction() const;
   /// The field still follows the robot and carries its weight (feedback none: the currents stay
   /// constant); its position is left alone. `cancel`: but for the disturbance that the estimator
-  /// knows, which is compensated.
+  /// knows, which is compensated. `touch`: until the next goal the keep-out margin is off, as for a
+  /// robot that is to lie on the retina.
   /// Throws std::invalid_argument for another law.
-  void release(bool cancel = false);
+  void release(bool cancel = false, bool touch = false);
   /// Law rotating: the field turns about `axis` (unit, world) at `frequency` (Hz; negative: the
   /// other way), wherever the robot goes, until the next goal. Throws std::invalid_argument for
   /// another law, or what is no direction.
@@ -92,6 +97,7 @@ class Servo {
   /// Of the law estimator with the gains in use; nothing for other laws, and before it has
   /// measured.
   std::optional<ServoMargins> margins() const;
+  double margin() const;  // m, that the robot's surface keeps from retina and lens
   /// Puts the next frame, with the tracked ellipse, the trail and the target drawn on it, into the
   /// record.
   void snapshot(const std::string& caption);

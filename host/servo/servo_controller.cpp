@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/servo_controller.h"
 
+#include "control/keep_out.h"
 #include "control/robots.h"
 #include "control/stability.h"
+#include "host/servo/robot_clearance.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -25,6 +27,27 @@ constexpr double kInconsistent = 4;
 
 void require(bool good, const char* what) {
   if (!good) throw std::invalid_argument(what);
+}
+
+/// The velocity commanded that keeps the margin (control::keep_out): judged is the robot's own,
+/// with what drives it beside the command, where it will be when this command acts. The rate, a
+/// quarter of the dead time's inverse, is half of the loop's bandwidth: the margin is met without
+/// overshoot.
+Eigen::Vector3d kept_out(const RobotClearance* clearance, const control::LoopIdentity& loop,
+                         ControlStep& step, const control::PositionEstimate& ahead,
+                         const Eigen::Vector3d& velocity) {
+  if (clearance == nullptr) return velocity;
+  const auto near = clearance->at(ahead.position, ahead.covariance.topLeftCorner<3, 3>());
+  if (!near) return velocity;
+  control::KeepOut settings;
+  settings.margin = clearance->margin();
+  settings.rate = 0.25 / loop.dead_time();
+  const double response = 1 + ahead.gain;
+  const control::KeptOut kept =
+      control::keep_out(settings, *near, ahead.disturbance + response * velocity);
+  step.kept_out = kept.limited;
+  if (!kept.limited) return velocity;
+  return (kept.velocity - ahead.disturbance) / response;
 }
 
 }  // namespace
@@ -69,7 +92,7 @@ ControlStep ServoController::step(double now,
   if (settings_.law == ControlLaw::estimator)
     predict(step, now, path, mode);
   else if (taken)
-    steer(step, *measured, path, mode);
+    steer(step, now, *measured, path, mode);
   if (mode == ControlMode::constant) allocate(step, trim_position_, trim_);
   return step;
 }
@@ -81,16 +104,18 @@ bool ServoController::take(double now, const control::PositionMeasurement& measu
     return false;
   if (measured.time <= last_measured_) return false;  // the filters' time does not run backwards
   last_measured_ = measured.time;
-  if (settings_.law != ControlLaw::estimator) return true;
+  const bool by_law = settings_.law == ControlLaw::estimator;
+  // Of the other laws a filter only serves the keep-out margin.
+  if (!by_law && clearance_ == nullptr && !estimator_) return true;
   control::PositionMeasurement sound = measured;
   sound.covariance += kFloor * kFloor * Eigen::Matrix3d::Identity();
   // A Cholesky factor exists exactly for a positive definite matrix.
-  if (Eigen::LLT<Eigen::Matrix3d>(sound.covariance).info() != Eigen::Success) return false;
+  if (Eigen::LLT<Eigen::Matrix3d>(sound.covariance).info() != Eigen::Success) return !by_law;
   if (!estimator_) tune(now, sound);
   const double since = sound.time - std::exchange(estimated_, sound.time);
   const bool used = estimator_->measure(sound);
   if (used && estimator_->innovation()) innovations_.add(*estimator_->innovation(), since);
-  return used;
+  return used || !by_law;
 }
 
 /// Gains and filter noise from the loop as it is at its first measurement (control::tune).
@@ -150,6 +175,7 @@ void ServoController::predict(ControlStep& step, double now, const ReferencePath
     // The law above without its reference: the robot stays put.
     velocity = -ahead->disturbance / (1 + ahead->gain);
   }
+  velocity = kept_out(clearance_, tuning_->loop, step, *ahead, velocity);
   step.at_bound = estimator_->at_bound();
   step.inconsistent = innovations_.normalized() > kInconsistent;
   allocator_.choose(ahead->position, drag * velocity, settings_.period);
@@ -171,9 +197,13 @@ void ServoController::plan(const control::PositionEstimate& ahead, double refere
   estimator_->set_disturbance_walk(schedule_.disturbance_walk);
 }
 
+const control::PositionEstimator* ServoController::estimator() const {
+  return estimator_ && settings_.law == ControlLaw::estimator ? &*estimator_ : nullptr;
+}
+
 /// The loop of the direction in which the filter corrects most: there the margins are least.
 std::optional<ServoMargins> ServoController::margins() const {
-  if (!estimator_ || !estimator_->innovation() || !(schedule_.bandwidth > 0)) return std::nullopt;
+  if (!estimator() || !estimator_->innovation() || !(schedule_.bandwidth > 0)) return std::nullopt;
   const control::LoopIdentity& known = tuning_->loop;
   control::SampledLoop loop;
   loop.period = known.period;
@@ -190,8 +220,9 @@ std::optional<ServoMargins> ServoController::margins() const {
 
 /// The laws without prediction (the thesis' PD, 6.2, and velocity control, 7.3): error of the last
 /// measured position against the reference of that moment, so that latency is no tracking error.
-void ServoController::steer(ControlStep& step, const control::PositionMeasurement& measured,
-                            const ReferencePath& path, ControlMode mode) {
+void ServoController::steer(ControlStep& step, double now,
+                            const control::PositionMeasurement& measured, const ReferencePath& path,
+                            ControlMode mode) {
   Eigen::Vector3d force = Eigen::Vector3d::Zero();
   const control::Reference reference = path.at(measured.time);
   if (mode != ControlMode::follow) {  // released: only levitation and trim
@@ -205,7 +236,15 @@ void ServoController::steer(ControlStep& step, const control::PositionMeasuremen
     force = velocity_.update(measured.time, measured.position, reference);
     step.correction = mobility_ * force - reference.velocity;
   }
+  if (clearance_ != nullptr && estimator_ && mode != ControlMode::constant) {
+    const double late = estimator_->at(now).value_or(control::PositionEstimate{}).delay;
+    const auto ahead = estimator_->at(now + std::max(0.0, tuning_->horizon + late));
+    const Eigen::Matrix3d drag = drag_at(measured.position);
+    const Eigen::Vector3d velocity = drag.inverse() * (trim_ + force);
+    if (ahead) force = drag * kept_out(clearance_, tuning_->loop, step, *ahead, velocity) - trim_;
+  }
   const Eigen::Vector3d made = allocate(step, measured.position, trim_ + force);
+  if (estimator_) estimator_->command(now, mobility_ * made);
   // Anti-windup: the integral goes on from the force that the limits left.
   if (mode == ControlMode::follow && settings_.law == ControlLaw::velocity)
     velocity_.limited_to(made - trim_);

@@ -19,6 +19,7 @@
 #include <string>
 
 namespace vitreo {
+class RobotClearance;
 
 /// pd: the thesis' (6.2). estimator: Kalman filter, prediction over the loop's latency, disturbance
 /// compensated. velocity: for media that yield (7.3). rotating: of RotatingController.
@@ -66,6 +67,7 @@ struct ControlStep {
   double field = 0;          // T, for which the currents are
   double headroom = 1;       // 1 - the largest |I| / limit over the living coils
   bool limited = false;      // a limit cost something of field or force
+  bool kept_out = false;     // the keep-out margin changed the velocity
   bool outside = false;      // of the field model's region: its nearest position was used
   bool passed_over = false;  // the measurement: not a number, out of order or beyond the gate
   // The filter: gain or delay met its bound; its innovations have long been larger than it says.
@@ -90,15 +92,15 @@ class ServoController {
   ServoController(const ServoController&) = delete;
   ServoController& operator=(const ServoController&) = delete;
   /// Times in s; `now` is when the currents are set. Nothing measured: the estimator goes on by
-  /// prediction, the other laws give nothing. Throws std::domain_error when the levitation is out
-  /// of reach.
+  /// prediction, the other laws give nothing. Throws std::domain_error where none can levitate it.
   ControlStep step(double now, const std::optional<control::PositionMeasurement>& measured,
                    const ReferencePath& path, ControlMode mode);
   void set_axis(const Eigen::Vector3d& axis);  ///< of the field from the next step on
+  /// No command brings the robot nearer to a wall than the margin, whatever the law; null: it may.
+  void keep_out(const RobotClearance* borrowed) { clearance_ = borrowed; }
   /// Forgets what was measured and commanded: the currents were not sent.
   void reset();
-  /// The field without any force, at the workspace's center: turns a robot that is not yet seen
-  /// into its axis.
+  /// The field without force at the center: turns a robot that is not yet seen into its axis.
   control::Currents orienting_currents() const { return allocator_.orienting(); }
   /// The constant force added to the weight compensation, N, world, and where it was found.
   void set_trim(const Eigen::Vector3d& force, const Eigen::Vector3d& position);
@@ -112,16 +114,14 @@ class ServoController {
   /// Nothing before the first step that took a measurement, and for other laws. A few milliseconds.
   std::optional<ServoMargins> margins() const;
   /// Its filter; null before the first measurement, and for other laws.
-  const control::PositionEstimator* estimator() const {
-    return estimator_ ? &*estimator_ : nullptr;
-  }
+  const control::PositionEstimator* estimator() const;
 
  private:
   static constexpr double kInnovationMemory = 10;  // s
   void tune(double now, const control::PositionMeasurement& first);
   bool take(double now, const control::PositionMeasurement& measured);
   void predict(ControlStep& step, double now, const ReferencePath& path, ControlMode mode);
-  void steer(ControlStep& step, const control::PositionMeasurement& measured,
+  void steer(ControlStep& step, double now, const control::PositionMeasurement& measured,
              const ReferencePath& path, ControlMode mode);
   void plan(const control::PositionEstimate& ahead, double reference_speed);
   Eigen::Vector3d allocate(ControlStep& step, const Eigen::Vector3d& position,
@@ -136,6 +136,7 @@ class ServoController {
   Eigen::Vector3d trim_position_{0, 0, 0};
   control::PdController pd_;
   control::VelocityController velocity_;
+  const RobotClearance* clearance_ = nullptr;
   std::optional<control::ServoTuning> tuning_;
   std::optional<control::PositionEstimator> estimator_;
   control::InnovationStatistics innovations_{kInnovationMemory};

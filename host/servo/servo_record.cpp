@@ -52,6 +52,27 @@ StreamInfo estimate_stream() {
            {"sigma_z", "m"}}};
 }
 
+/// The page and its targets read attitude and view from it, too.
+StreamInfo clearance_stream() {
+  return {"clearance",
+          "distance of the robot's surface from the nearest wall, less the half width of its 95 % "
+          "interval: its bound",
+          {{"bound", "m"},
+           {"distance", "m"},
+           {"uncertainty", "m"},
+           {"retina", "m"},
+           {"lens", "m"},
+           {"at_lens", ""},
+           {"margin", "m"},
+           {"kept_out", ""},
+           {"axis_x", ""},
+           {"axis_y", ""},
+           {"axis_z", ""},
+           {"axis_sigma", "rad"},
+           {"through_eye", ""},
+           {"calibrated", ""}}};
+}
+
 StreamInfo current_stream(int coils) {
   StreamInfo info{"currents", "set-points of the coil amplifiers", {}};
   for (int coil = 1; coil <= coils; ++coil)
@@ -74,7 +95,8 @@ ServoRecord::ServoRecord(Recorder& recorder, const Rig& rig, const std::string& 
     : recorder_(recorder),
       rig_(rig),
       samples_(stream_of(recorder, servo_stream(source))),
-      currents_(stream_of(recorder, current_stream(rig.coils->channels()))) {
+      currents_(stream_of(recorder, current_stream(rig.coils->channels()))),
+      clearances_(stream_of(recorder, clearance_stream())) {
   if (estimates) estimates_ = stream_of(recorder, estimate_stream());
 }
 
@@ -123,6 +145,36 @@ void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
   if (!observation.ellipse) return;
   trail_.push_back(e.center_px);
   if (trail_.size() > kTrail) trail_.pop_front();
+}
+
+void ServoRecord::clearance(Time exposed, const std::optional<control::Clearance>& clearance,
+                            const RobotClearance& surface, const ControlStep& step) {
+  const double unknown = std::nan("");
+  const ClearanceBelief& belief = surface.belief();
+  std::array<double, 14> row{unknown,
+                             unknown,
+                             unknown,
+                             unknown,
+                             unknown,
+                             unknown,
+                             surface.margin(),
+                             step.kept_out ? 1.0 : 0.0,
+                             belief.axis.x(),
+                             belief.axis.y(),
+                             belief.axis.z(),
+                             belief.axis_sigma,
+                             belief.through_eye ? 1.0 : 0.0,
+                             belief.calibrated ? 1.0 : 0.0};
+  if (clearance) {
+    const control::WallClearance& wall = clearance->nearest();
+    row[0] = wall.bound();
+    row[1] = wall.distance;
+    row[2] = wall.uncertainty;
+    row[3] = clearance->retina.distance;
+    row[4] = clearance->lens.distance;
+    row[5] = clearance->at_lens() ? 1 : 0;
+  }
+  recorder_.sample(clearances_, exposed, row);
 }
 
 /// Drawn on a copy; its name has the camera's own count.

@@ -7,6 +7,7 @@
 #include "host/record/recorder.h"
 #include "host/rig/rig.h"
 #include "host/servo/localizer.h"
+#include "host/servo/robot_clearance.h"
 #include "host/servo/servo_controller.h"
 
 #include <Eigen/Core>
@@ -22,6 +23,9 @@ class ServoRecord {
   ServoRecord(Recorder& recorder, const Rig& rig, const std::string& source, bool estimates);
   void sample(Time exposed, Time now, const Observation& observation,
               const control::Reference& target, const ControlStep& step);
+  /// Of the robot's surface, with what it is believed by; not numbers while it is not known.
+  void clearance(Time exposed, const std::optional<control::Clearance>& clearance,
+                 const RobotClearance& surface, const ControlStep& step);
   /// The frame with the tracked ellipse, the trail and the target.
   void picture(const Frame& frame, const Observation& observation, const control::Reference& target,
                const std::string& caption);
@@ -32,6 +36,7 @@ class ServoRecord {
   // Numbers of the streams; -1: none.
   int samples_;
   int currents_;
+  int clearances_;
   int estimates_ = -1;
   std::deque<Eigen::Vector2d> trail_;
 };

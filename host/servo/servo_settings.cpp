@@ -32,6 +32,17 @@ double ServoSettings::axis_uncertainty() const {
   return axis_sigma.value_or(law == ControlLaw::estimator ? kAxisSigma : 0);
 }
 
+ClearanceBelief ServoSettings::clearance_belief() const {
+  // rad, at least: the worst of those machines, whatever a law takes the axis for.
+  constexpr double kLeastAxisSigma = 4.6 * M_PI / 180;
+  ClearanceBelief belief;
+  belief.axis = axis;
+  belief.axis_sigma = std::max(axis_uncertainty(), kLeastAxisSigma);
+  belief.through_eye = feedback != Feedback::pose_sensor || by_pose;
+  belief.calibrated = view.image_scale != 1 || !view.offset.isZero();
+  return belief;
+}
+
 // Throws std::invalid_argument naming the setting and its bounds.
 void ServoSettings::check() const {
   if (!(field >= 1e-3 && field <= 40e-3))

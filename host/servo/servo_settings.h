@@ -5,6 +5,7 @@
 
 #include "control/trajectory.h"
 #include "host/rig/rig.h"
+#include "host/servo/robot_clearance.h"
 #include "host/servo/rotating_law.h"
 #include "host/servo/servo_controller.h"
 #include "vision/background.h"
@@ -58,14 +59,17 @@ struct ServoSettings {
   /// field, as in the thesis. Nothing: 0, but of the law estimator kAxisSigma.
   std::optional<double> axis_sigma{};
   bool wall_drag = false;  // ControllerSettings, where the rig's eye has walls
+  /// The robot may touch retina and lens: no keep-out margin, for what is pushed along the retina.
+  bool may_touch = false;
   /// A dry run: the pose sensor in the camera's place, and with each position the ellipse that the
   /// camera would show.
   bool by_pose = false;
   /// A dry run of feedback by cameras: a path must stay in the top camera's sight all the same.
   bool stays_in_sight = false;
-  double axis_uncertainty() const;  // rad, as chosen or as the law has it
-  void check() const;               // throws std::invalid_argument naming the setting
-  ViewCorrection view;              // of the rig's own view
+  double axis_uncertainty() const;           // rad, as chosen or as the law has it
+  ClearanceBelief clearance_belief() const;  // of attitude and view, as the loop has them
+  void check() const;                        // throws std::invalid_argument naming the setting
+  ViewCorrection view;                       // of the rig's own view
 };
 
 /// Viewing systems of the loop besides the rig's own: learnt by Session::learn_background.

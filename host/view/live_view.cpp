@@ -261,13 +261,14 @@ void LiveView::State::receive(int viewer, const std::string& message) {
 }
 
 /// A command of the operator at the page; targets are pointed at in an image.
-OperatorCommand command_of(const std::string& word, const json& message, const Pointing& pointing) {
+OperatorCommand command_of(const std::string& word, const json& message, const Pointing& pointing,
+                           const ClearanceBelief& belief) {
   OperatorCommand command;
   command.word = word;
   command.source = "the live view";
   if (word == "answer") command.text = message.at("text");
   if (word == "ack") command.text = message.value("alarm", "");
-  if (word == "target") command.targets = pointing.positions(message);
+  if (word == "target") command.targets = pointing.positions(message, belief);
   return command;
 }
 
@@ -286,7 +287,10 @@ json LiveView::State::perform(int viewer, const json& message) {
     throw std::invalid_argument("take control first: you are looking on");
   if (word == "release") return operator_viewer = 0, json{{"done", word}};
   if (word == "invite") return {{"invitation", server.invitation()}};
-  const OperatorCommand command = command_of(word, message, *pointing);
+  const auto near = board.samples("clearance", {}, 1);
+  const ClearanceBelief belief =
+      near.empty() ? ClearanceBelief{} : Pointing::belief(near[0].values);
+  const OperatorCommand command = command_of(word, message, *pointing, belief);
   session->desk.perform(command);
   if (command.targets.empty()) return {{"done", word}};
   // The page marks where the path ends.

@@ -40,12 +40,15 @@ nlohmann::json Pointing::to_json() const {
   // Scale of the top image at the workspace's center, over 0.1 mm: the projection is not linear.
   const auto middle = pixel_of({0, 0, 0});
   const auto beside = pixel_of({1e-4, 0, 0});
-  return {{"top_px_per_m",
-           middle && beside ? nlohmann::json((*beside - *middle).norm() / 1e-4) : nullptr},
-          {"side_pixel", model_.side_pixel},
-          {"side_center", {model_.side_center_px.x(), model_.side_center_px.y()}},
-          {"retina", {{"z", model_.eye_in_world.z()}, {"radius", retina.radius}}},
-          {"lens_z", model_.eye_in_world.z() + model_.eye.vertex(2)}};
+  return {
+      {"top_px_per_m",
+       middle && beside ? nlohmann::json((*beside - *middle).norm() / 1e-4) : nullptr},
+      {"side_pixel", model_.side_pixel},
+      {"side_center", {model_.side_center_px.x(), model_.side_center_px.y()}},
+      {"retina", {{"z", model_.eye_in_world.z()}, {"radius", retina.radius}}},
+      {"margin", model_.keep_out.margin},
+      {"body", {{"semi_axis", model_.robot.semi_axis}, {"semi_radius", model_.robot.semi_radius}}},
+      {"lens_z", model_.eye_in_world.z() + model_.eye.vertex(2)}};
 }
 
 std::optional<Eigen::Vector2d> Pointing::pixel_of(const Eigen::Vector3d& position) const {
@@ -79,7 +82,8 @@ Eigen::Vector3d Pointing::at_height(const Eigen::Vector2d& pixel, double z) cons
   throw std::invalid_argument("nothing at that height shows there");
 }
 
-std::vector<Eigen::Vector3d> Pointing::positions(const nlohmann::json& message) const {
+std::vector<Eigen::Vector3d> Pointing::positions(const nlohmann::json& message,
+                                                 const ClearanceBelief& belief) const {
   std::vector<Eigen::Vector3d> found;
   // Typed in as a position, or pointed at in one of the two images.
   if (message.contains("place")) {
@@ -102,22 +106,29 @@ std::vector<Eigen::Vector3d> Pointing::positions(const nlohmann::json& message) 
       found.emplace_back(off.x(), meters(message, "y"), -off.y());
     }
   }
-  for (const Eigen::Vector3d& position : found)
+  const RobotClearance surface(model_, belief);
+  for (const Eigen::Vector3d& position : found) {
     // A target outside is refused here, where the operator sees why.
-    check_reach(model_, control::Trajectory::hold_at(position));
+    const control::Trajectory there = control::Trajectory::hold_at(position);
+    check_reach(model_, there);
+    surface.check(there);
+  }
   return found;
+}
+
+// In the order of ServoRecord's stream, from its ninth column on.
+ClearanceBelief Pointing::belief(const std::vector<double>& clearance) {
+  if (clearance.size() < 14) return {};
+  return {{clearance[8], clearance[9], clearance[10]},
+          clearance[11],
+          clearance[12] != 0,
+          clearance[13] != 0};
 }
 
 // The row of the stream "servo" begins with x, y, z of the robot and of the target.
 nlohmann::json Pointing::marks(const std::vector<double>& servo) const {
   nlohmann::json marks = nlohmann::json::object();
-  const Eigen::Vector3d robot = Eigen::Map<const Eigen::Vector3d>(servo.data());
   const Eigen::Vector3d target = Eigen::Map<const Eigen::Vector3d>(servo.data() + 3);
-  const double radius = model_.eye.surfaces.front().radius;
-  if (robot.allFinite())
-    // The retina is a sphere through the eye's origin, with its center a radius above it.
-    marks["retina_distance"] =
-        radius - (robot - model_.eye_in_world - Eigen::Vector3d(0, 0, radius)).norm();
   if (!target.allFinite()) return marks;
   if (const auto pixel = pixel_of(target)) marks["target_px"] = {pixel->x(), pixel->y()};
   return marks;

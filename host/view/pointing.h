@@ -4,6 +4,7 @@
 #pragma once
 
 #include "host/rig/rig.h"
+#include "host/servo/robot_clearance.h"
 
 #include <Eigen/Core>
 #include <nlohmann/json.hpp>
@@ -21,21 +22,24 @@ class Pointing {
   nlohmann::json to_json() const;
 
   /// The positions, m, world, that a message of the page means; each is within reach
-  /// (host/servo/servo.h's check_reach).
+  /// (host/servo/servo.h's check_reach), and leaves the keep-out margin by what the loop believes.
   ///   {"camera": "top_camera", "points": [[u, v], ...], "z": m}: on these pixels, at that height
   ///   {"camera": "side_camera", "points": [[u, v], ...], "y": m}: x and z from the pixels
   ///   {"place": [x, y, z]}
   /// Throws std::invalid_argument saying what is wrong.
-  std::vector<Eigen::Vector3d> positions(const nlohmann::json& message) const;
+  std::vector<Eigen::Vector3d> positions(const nlohmann::json& message,
+                                         const ClearanceBelief& belief = {}) const;
+  /// Of the loop that wrote the stream clearance; without a row any attitude, and the rig's own
+  /// view.
+  static ClearanceBelief belief(const std::vector<double>& clearance);
 
   /// The world's (x, y) at height z that shows at a pixel of the top camera: the projection,
   /// inverted by Newton's method to 1 nm. Throws std::invalid_argument where nothing of that height
   /// shows there.
   Eigen::Vector3d at_height(const Eigen::Vector2d& pixel, double z) const;
 
-  /// Image of the target in the top camera, px, and the robot's distance from the retina (its
-  /// sphere, thesis table 3.1), m: {"target_px", "retina_distance"} with what there is, from the
-  /// last row of the stream servo.
+  /// Image of the target in the top camera, px: {"target_px"}, or nothing, from the last row of the
+  /// stream servo.
   nlohmann::json marks(const std::vector<double>& servo) const;
 
   /// The commanded field at the robot, {"tesla", "direction": [x, y, z]}, from the last rows of the

@@ -54,6 +54,8 @@ return {
   -- For judging control without optics: feeds the truth, late and noisy, to a loop that asks for it by name.
   pose_sensor = { driver = "simulated", frame_rate = 15 * Hz, latency = 80 * ms, noise = 0.3 * 14.3 * um },
 
+  -- keep_out = { margin = 0.2 * mm }, -- what the surface of the robot leaves of retina and lens: docs/safety.md
+
   sample = { driver = "simulated", placement_scatter = 0.3 * mm },
 
   truth = { -- how far the simulated machine is from the model; the draws come from the run's seed

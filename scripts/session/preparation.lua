@@ -32,7 +32,7 @@ function bring.sink(run, servo, above, options)
   servo:go_to(above, { within = 1 * mm, settle = 0, speed = 1 * mm / s })
   local trim = servo:status().trim
   servo:set_trim(trim + servo:force_for { 0, 0, -(options.speed or 0.6 * mm / s) })
-  servo:release()
+  servo:release { touch = true }
   run:wait(options.time or 6 * s)
   return trim
 end

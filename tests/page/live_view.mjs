@@ -110,7 +110,7 @@ async function answer(page) {
 const inBar = (page, color) =>
   page.evaluate(([r, g, b]) => {
     const canvas = document.querySelector('#depth_bar');
-    const { data } = canvas.getContext('2d').getImageData(13, 0, 40, canvas.height);
+    const { data } = canvas.getContext('2d').getImageData(10, 0, 25, canvas.height);
     let found = 0;
     for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) ++found;
     return found;
@@ -139,14 +139,22 @@ async function supervise(page) {
   }
   seen.distance = await page.textContent('#distance');
   seen.bar = { free: await inBar(page, [0x00, 0x9e, 0x73]), spread: await inBar(page, [0xff, 0x61, 0x8c]) };
-  for (let i = 0; i < 44; ++i) await page.keyboard.press('ArrowDown'); // down to 0.6 mm from the retina
+  for (let i = 0; i < 30; ++i) await page.keyboard.press('ArrowDown'); // the surface 1.5 mm from the retina, 0.9 at least
   await page.waitForFunction(() => document.querySelector('#distance').className.includes('near'), null, patience);
   seen.near = {
     text: await page.textContent('#distance'),
+    clearance: await page.textContent('#clearance'),
     orange: await inBar(page, [0xe6, 0x9f, 0x00]),
     spread: await inBar(page, [0x19, 0x60, 0xff]),
   };
   await page.screenshot({ path: `${folder}/live_view_near.png` });
+  // Far below what is left: the margin refuses, and says in mm what would be left.
+  for (let i = 0; i < 10; ++i) {
+    await page.keyboard.press('ArrowDown');
+    await page.waitForTimeout(50);
+  }
+  await page.waitForFunction(() => document.querySelector('#note')?.textContent.includes('keep_out.margin'), null, patience);
+  seen.refused = await page.textContent('#note');
   await page.setViewportSize({ width: 820, height: 1180 });
   await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
   await page.waitForTimeout(300);

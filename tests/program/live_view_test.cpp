@@ -134,11 +134,14 @@ TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
   ASSERT_TRUE(seen.contains("stopInSight")) << seen;
   EXPECT_EQ(seen["stopInSight"], true) << "on a tablet, at the page's end";
   EXPECT_GT(seen["bar"]["free"], 1000);
-  EXPECT_GE(seen["bar"]["spread"], 4 * 40) << "in the inverse color";
+  EXPECT_GE(seen["bar"]["spread"], 4 * 25) << "in the inverse color";
   EXPECT_NE(seen["near"]["text"].get<std::string>().find("near"), std::string::npos)
       << seen["near"];
-  EXPECT_GT(seen["near"]["orange"], 400);
-  EXPECT_GE(seen["near"]["spread"], 4 * 40) << seen["near"];
+  EXPECT_NE(seen["near"]["clearance"].get<std::string>().find("±"), std::string::npos);
+  EXPECT_GT(seen["near"]["orange"], 200);
+  EXPECT_GE(seen["near"]["spread"], 4 * 25) << seen["near"];
+  EXPECT_NE(seen["refused"].get<std::string>().find("mm must be left"), std::string::npos)
+      << seen["refused"];
   EXPECT_EQ(place.read("code"), "0\n") << place.read("out") << place.read("err");
   const std::string said = place.read("err");
   const auto shown = nlohmann::json::parse(place.vitreo("show last --json").out);

@@ -251,6 +251,10 @@ std::vector<Argument> servo_options() {
           number("axis_uncertainty", "rad", 0, 1,
                  "how surely the robot lies along the field asked for; 0: surely (0; of estimator "
                  "4 degrees)"),
+          {.name = "touch",
+           .type = Type::flag,
+           .optional = true,
+           .help = "the robot may touch retina and lens: no keep-out margin (false)"},
           {.name = "wall_drag",
            .type = Type::flag,
            .optional = true,

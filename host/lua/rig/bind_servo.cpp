@@ -138,6 +138,7 @@ ServoSettings settings_of(const Call& call) {
   settings.lost_timeout = call.number_option("lost_timeout").value_or(settings.lost_timeout);
   settings.axis_sigma = call.number_option("axis_uncertainty");
   settings.wall_drag = call.flag_option("wall_drag", settings.wall_drag);
+  settings.may_touch = call.flag_option("touch", settings.may_touch);
   for (const double channel : call.numbers_option("dead_coils").value_or(std::vector<double>{}))
     settings.dead_coils.push_back(channel_of(channel));
   if (const auto axis = call.vector_option("axis")) settings.axis = axis->normalized();
@@ -209,6 +210,21 @@ Returned rotation_fields() {
       .or_nil("of another law");
 }
 
+/// nil where there is nothing to be near to, or nothing that is near.
+Returned clearance_fields() {
+  return Returned{"table",
+                  {{"bound", "m", "lower end of its 95 % interval: distance less uncertainty"},
+                   {"distance", "m", "of the robot's surface from the nearest wall"},
+                   {"uncertainty", "m", "half width of the 95 % interval"},
+                   {"wall", "", "the nearest: retina or lens"},
+                   {"retina", "m", "of the surface from the retina"},
+                   {"lens", "m", "of the surface from the lens"},
+                   {"away", "", "direction away from the nearest wall"},
+                   {"margin", "m", "that is kept (keep_out.margin of the rig file)"},
+                   {"kept_out", "", "whether the margin changes the command"}}}
+      .or_nil("while the robot is not seen, and in an eye without a lens");
+}
+
 /// What the loop is asked, and what it is waited for. 30 s of corrections are what it keeps, which
 /// bounds the duration of their mean.
 std::vector<Binding> listening_rows() {
@@ -238,6 +254,13 @@ std::vector<Binding> listening_rows() {
            "what the rotating field does and how the robot answers (law rotating; else nil)",
            rotation,
            "servo:rotation()"},
+          {"clearance",
+           {},
+           clearance_fields(),
+           "how near the robot's surface is to retina and lens, by shape, attitude and what is not "
+           "known of its place",
+           clearance,
+           "servo:clearance()"},
           {"wait_until_tracked",
            {options_of({{.name = "timeout",
                          .type = Type::number,
@@ -276,65 +299,71 @@ std::vector<Binding> steering_rows() {
                       .help = "a trajectory, or a list of positions {x, y, z} in m"};
   const Argument place{.name = "position", .type = Type::vector, .unit = "m"};
   const Argument force{.name = "force", .type = Type::vector, .unit = "N"};
-  return {{"go_to",
-           {place, options_of(travel_options())},
-           "",
-           "goes straight to a place and waits until it stays there",
-           go_to,
-           "servo:go_to({ 0.5 * mm, 0, 0 }, { within = 0.5 * mm, settle = 0 })"},
-          {"follow",
-           {path, options_of(follow_options())},
-           {"number", "s"},
-           "goes along a trajectory, or straight lines with rest at each point; waits for the end, "
-           "returns the time it took",
-           follow,
-           "servo:follow({ { 0, 0, 0 }, { 0.5 * mm, 0, 0 } }, { speed = 1 * mm / s })"},
-          {"hold",
-           {place},
-           "",
-           "holds a place from now on; does not wait",
-           hold,
-           "servo:hold({ 0, 0, 0 })"},
-          {"release",
-           {options_of({{.name = "cancel",
-                         .type = Type::flag,
-                         .optional = true,
-                         .help = "go on canceling what pushes the robot (law estimator)"}})},
-           "",
-           "keeps field and weight compensation, leaves the place alone",
-           release,
-           "servo:release()"},
-          {"spin",
-           {options_of({{.name = "axis", .type = Type::direction, .help = "world"},
-                        {.name = "frequency",
-                         .type = Type::number,
-                         .unit = "Hz",
-                         .min = -200,
-                         .max = 200,
-                         .help = "negative: the other way round"}})},
-           "",
-           "turns the field about an axis until the next goal, wherever the robot goes (law "
-           "rotating)",
-           spin,
-           "servo:spin { axis = { 1, 0, 0 }, frequency = 5 * Hz }"},
-          {"set_trim",
-           {force},
-           "",
-           "sets the constant force added to the weight compensation (status().trim)",
-           set_trim,
-           "servo:set_trim(servo:status().trim + servo:force_for { 0, 0, 10 * um / s })"},
-          {"set_offset",
-           {{.name = "offset", .type = Type::vector, .unit = "m", .help = "at most 1 mm long"}},
-           "",
-           "sets what is added to each place that the top camera finds (status().offset): its bias "
-           "at a known place",
-           set_offset,
-           "servo:set_offset({ 0, 0, 50 * um })"},
-          {.name = "close",
-           .doc = "ends the loop; the coils are at zero",
-           .function = close,
-           .example = "servo:close()",
-           .when_closed = true}};
+  return {
+      {"go_to",
+       {place, options_of(travel_options())},
+       "",
+       "goes straight to a place and waits until it stays there",
+       go_to,
+       "servo:go_to({ 0.5 * mm, 0, 0 }, { within = 0.5 * mm, settle = 0 })"},
+      {"follow",
+       {path, options_of(follow_options())},
+       {"number", "s"},
+       "goes along a trajectory, or straight lines with rest at each point; waits for the end, "
+       "returns the time it took",
+       follow,
+       "servo:follow({ { 0, 0, 0 }, { 0.5 * mm, 0, 0 } }, { speed = 1 * mm / s })"},
+      {"hold",
+       {place},
+       "",
+       "holds a place from now on; does not wait",
+       hold,
+       "servo:hold({ 0, 0, 0 })"},
+      {"release",
+       {options_of({{.name = "cancel",
+                     .type = Type::flag,
+                     .optional = true,
+                     .help = "go on canceling what pushes the robot (law estimator)"},
+                    {.name = "touch",
+                     .type = Type::flag,
+                     .optional = true,
+                     .help = "the robot may lie on the retina: the keep-out margin is off until "
+                             "the next goal"}})},
+       "",
+       "keeps field and weight compensation, leaves the place alone",
+       release,
+       "servo:release()"},
+      {"spin",
+       {options_of({{.name = "axis", .type = Type::direction, .help = "world"},
+                    {.name = "frequency",
+                     .type = Type::number,
+                     .unit = "Hz",
+                     .min = -200,
+                     .max = 200,
+                     .help = "negative: the other way round"}})},
+       "",
+       "turns the field about an axis until the next goal, wherever the robot goes (law "
+       "rotating)",
+       spin,
+       "servo:spin { axis = { 1, 0, 0 }, frequency = 5 * Hz }"},
+      {"set_trim",
+       {force},
+       "",
+       "sets the constant force added to the weight compensation (status().trim)",
+       set_trim,
+       "servo:set_trim(servo:status().trim + servo:force_for { 0, 0, 10 * um / s })"},
+      {"set_offset",
+       {{.name = "offset", .type = Type::vector, .unit = "m", .help = "at most 1 mm long"}},
+       "",
+       "sets what is added to each place that the top camera finds (status().offset): its bias "
+       "at a known place",
+       set_offset,
+       "servo:set_offset({ 0, 0, 50 * um })"},
+      {.name = "close",
+       .doc = "ends the loop; the coils are at zero",
+       .function = close,
+       .example = "servo:close()",
+       .when_closed = true}};
 }
 
 std::vector<Binding> servo_rows() {

@@ -287,6 +287,26 @@ int servo_calls::spin(Call& call) {
   return 0;
 }
 
+int servo_calls::clearance(Call& call) {
+  const ServoStatus now = call.self<Servo>().status();
+  if (!now.clearance) {
+    lua_pushnil(call.L);
+    return 1;
+  }
+  const control::WallClearance& wall = now.clearance->nearest();
+  ResultTable(call)
+      .number("bound", wall.bound(), "m")
+      .number("distance", wall.distance, "m")
+      .number("uncertainty", wall.uncertainty, "m")
+      .text("wall", now.clearance->at_lens() ? "lens" : "retina")
+      .number("retina", now.clearance->retina.distance, "m")
+      .number("lens", now.clearance->lens.distance, "m")
+      .vector("away", wall.normal, "")
+      .number("margin", call.self<Servo>().margin(), "m")
+      .flag("kept_out", now.kept_out);
+  return 1;
+}
+
 // The loop's own state is in the error, for `lost` and `searching` ask for different remedies.
 int servo_calls::wait_until_tracked(Call& call) {
   const auto servo = servo_of(call);
@@ -372,7 +392,7 @@ int servo_calls::hold(Call& call) {
 
 int servo_calls::release(Call& call) {
   throw_if_troubled(call.self<Servo>());
-  call.self<Servo>().release(call.flag_option("cancel"));
+  call.self<Servo>().release(call.flag_option("cancel"), call.flag_option("touch"));
   return 0;
 }
 

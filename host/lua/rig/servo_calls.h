@@ -14,6 +14,7 @@ int status(Call& call);
 int margins(Call& call);
 int rotation(Call& call);
 int spin(Call& call);
+int clearance(Call& call);
 int wait_until_tracked(Call& call);
 int go_to(Call& call);
 int follow(Call& call);

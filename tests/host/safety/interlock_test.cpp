@@ -302,6 +302,45 @@ TEST_F(TimedInterlockTest, NoSetPointOfAPausedLoopIsBeyondTheLimitsUnnoticed) {
   EXPECT_THROW(interlock.set_currents(std::vector<double>{99, 0, 0}), DeviceError);
 }
 
+/// Half a millimeter from the retina or less, where the margin is 0.2 mm.
+Interlock::Nearness near_retina(double bound, double push) {
+  return {"retina", bound, 0.2e-3, push};
+}
+
+TEST_F(TimedInterlockTest, APushAgainstAWallInsideTheMarginMeansZeroAfterASecond) {
+  interlock.set_currents(std::vector<double>{1, 0, 0});
+  for (int k = 0; k < 19; ++k) {
+    interlock.near(near_retina(0.1e-3, 0.3e-3));
+    interlock.set_currents(std::vector<double>{1, 0, 0});
+    clock->sleep_for(from_seconds(0.05));
+  }
+  EXPECT_TRUE(interlock.enabled()) << "a disturbance may take as long to be corrected";
+  clock->sleep_for(from_seconds(0.1));
+  EXPECT_THROW(interlock.near(near_retina(0.1e-3, 0.3e-3)), DeviceError);
+  EXPECT_FALSE(interlock.enabled());
+  EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_NE(told.find("pushed against the retina"), std::string::npos) << told;
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{1, 0, 0}), DeviceError) << "refused";
+}
+
+TEST_F(TimedInterlockTest, WhatCarriesTheRobotOrGetsItAwayOrKeepsTheMarginIsLet) {
+  interlock.set_currents(std::vector<double>{1, 0, 0});
+  for (int k = 0; k < 100; ++k) {
+    interlock.near(near_retina(0.1e-3, -0.5e-3));  // lifted
+    clock->sleep_for(from_seconds(0.05));
+  }
+  for (int k = 0; k < 100; ++k) {
+    interlock.near(near_retina(0.05e-3 + 1e-6 * k, 0.3e-3));  // 20 um/s, against a current
+    clock->sleep_for(from_seconds(0.05));
+  }
+  for (int k = 0; k < 100; ++k) {
+    interlock.near(near_retina(0.19e-3, 0.3e-3));
+    clock->sleep_for(from_seconds(0.05));
+  }
+  interlock.near(std::nullopt);
+  EXPECT_TRUE(interlock.enabled());
+}
+
 TEST(InterlockLimits, LimitsOfNothingAreRefused) {
   EXPECT_THROW((InterlockLimits{0, 10}.check()), std::invalid_argument);
   EXPECT_THROW((InterlockLimits{5, std::nan("")}.check()), std::invalid_argument);

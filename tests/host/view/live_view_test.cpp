@@ -86,6 +86,40 @@ TEST_F(LiveViewTest, OfTwoOperatorsOneHasControlAndTheOtherIsTold) {
   EXPECT_NE(ask(*second, R"({"do": "take"})", R"({"done":"take"})"), "");
 }
 
+// By the attitude and view of the loop that wrote the stream; before there is one, for any
+// attitude.
+TEST_F(LiveViewTest, ATargetWhoseBodyWouldBeInsideOfTheMarginIsRefusedInMillimeters) {
+  const auto viewer = join();
+  EXPECT_NE(ask(*viewer, R"({"do": "take"})", R"({"done":"take"})"), "");
+  (void)session.targets.take();
+  const std::string inside = ask(*viewer, R"({"do": "target", "place": [0, 0, -0.0049]})",
+                                 "mm must be left (keep_out.margin)");
+  EXPECT_NE(inside.find("inside the retina"), std::string::npos) << inside;
+  EXPECT_NE(ask(*viewer, R"({"do": "target", "place": [0, 0, -0.0041]})", "must be left"), "")
+      << "upright it would be there";
+  const int stream = recorder.add_stream({"clearance",
+                                          "",
+                                          {{"bound", "m"},
+                                           {"distance", "m"},
+                                           {"uncertainty", "m"},
+                                           {"retina", "m"},
+                                           {"lens", "m"},
+                                           {"at_lens", ""},
+                                           {"margin", "m"},
+                                           {"kept_out", ""},
+                                           {"axis_x", ""},
+                                           {"axis_y", ""},
+                                           {"axis_z", ""},
+                                           {"axis_sigma", "rad"},
+                                           {"through_eye", ""},
+                                           {"calibrated", ""}}});
+  recorder.sample(
+      stream, 1s,
+      std::vector<double>{4e-3, 4.2e-3, 0.2e-3, 4.2e-3, 10e-3, 0, 0.2e-3, 0, 1, 0, 0, 0.08, 0, 0});
+  EXPECT_NE(ask(*viewer, R"({"do": "target", "place": [0, 0, -0.0041]})", R"("target")"), "")
+      << "it lies, by a sensor that needs no eye";
+}
+
 TEST_F(LiveViewTest, AnOperatorWhoseBrowserIsGoneLosesControlAndNothingElseHappens) {
   auto gone = join();
   const auto other = join();

@@ -57,6 +57,21 @@ TEST_F(ServoBinding, GoesToAPlaceFollowsAPathAndEndsAtZero) {
   EXPECT_TRUE(coils_are_at_zero());
 }
 
+TEST_F(ServoBinding, SaysHowNearTheSurfaceIsAndRefusesWhatIsNearerThanTheMargin) {
+  const Ended end = run(
+      "assert(servo:clearance() == nil)\n"
+      "rig.sample:insert_robot({0, 0, 0}) servo:wait_until_tracked() run:wait(2)\n"
+      "local c = servo:clearance()\n"
+      "assert(c.wall == 'retina' and c.margin == 0.2e-3 and not c.kept_out)\n"
+      "assert(c.distance > 4e-3 and c.distance < 5e-3 and c.retina == c.distance and c.lens > "
+      "9e-3)\n"
+      "assert(c.uncertainty > 0.1e-3 and math.abs(c.bound - c.distance + c.uncertainty) < 1e-12)\n"
+      "assert(c.away.z > 0.9)\n"
+      "servo:release { touch = true }\n"
+      "servo:hold({0, 0, -4.9e-3})");
+  expect_all(end.error, {"servo:hold: ", "mm inside the retina", "0.20 mm must be left"});
+}
+
 TEST_F(ServoBinding, SaysWhatItMissed) {
   expect_all(run("servo:wait_until_tracked { timeout = 1 }").error,
              {"p.lua:5: servo:wait_until_tracked: no robot was seen by the servo", "after 1 s"});

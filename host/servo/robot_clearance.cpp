@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/robot_clearance.h"
+
+#include "optics/system/prescriptions.h"
+#include "optics/system/tolerance.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+// Relative, of the size of the image after a calibration on the retina: one observation at rest.
+constexpr double kCalibrated = 2e-3;
+
+optics::DepthDoubt doubt_of(const RigModel& model, const ClearanceBelief& belief) {
+  optics::DepthDoubt doubt;
+  doubt.viewpoint = model.projection.viewpoint;
+  doubt.scale = model.keep_out.scale_uncertainty;
+  doubt.residual = kCalibrated;
+  if (belief.calibrated) doubt.calibrated_at = 0;  // the retina's vertex
+  if (model.keep_out.eye_uncertain)
+    doubt.eye = optics::viewpoint_shifts(optics::prescription(model.eye_name), optics::table_5_1());
+  doubt.check();
+  return doubt;
+}
+
+}  // namespace
+
+RobotClearance::RobotClearance(const RigModel& model, const ClearanceBelief& belief)
+    : belief_(belief) {
+  model_.margin = model.keep_out.margin;
+  model_.there = model.eye.size() > 2;
+  model_.eye_in_world = model.eye_in_world;
+  model_.body = control::surface_of(model.robot);
+  if (!model_.there) return;
+  model_.eye.vertex = model.eye_in_world;
+  // Surfaces count from 1 at the retina, as in the thesis' tables: the second is the lens' rear.
+  model_.eye.radius = model.eye.surfaces.front().radius;
+  model_.eye.lens_depth = model.eye.vertex(2);
+  if (belief.through_eye && !model.plain_view) doubt_ = doubt_of(model, belief);
+}
+
+std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& position,
+                                                     const Eigen::Matrix3d& covariance) const {
+  if (!model_.there || !position.allFinite() || !covariance.allFinite()) return std::nullopt;
+  control::UncertainPose pose{position, covariance, belief_.axis, belief_.axis_sigma};
+  pose.covariance += doubt_.covariance(position - model_.eye_in_world);
+  control::Clearance found = control::clearance(model_.body, model_.eye, pose);
+  found.retina.distance -= felt_retina_;
+  found.lens.distance -= felt_lens_;
+  return found;
+}
+
+void RobotClearance::felt(bool lens, double distance) {
+  double& felt = lens ? felt_lens_ : felt_retina_;
+  felt += std::max(0.0, distance);
+}
+
+// By samples in time, as check_reach has them. A robot that lies on the retina must be let off it:
+// until the path has once kept the margin it may not come nearer, and after that never leave it.
+void RobotClearance::check(const control::Trajectory& path) const {
+  constexpr int kAsked = 200;      // positions along the way
+  constexpr double kSlack = 5e-6;  // m: noise of a start that was measured, rounding
+  bool kept = false;
+  double before = -std::numeric_limits<double>::infinity();
+  for (int i = 0; i <= kAsked; ++i) {
+    const Eigen::Vector3d position = path.at(path.duration() * i / kAsked).position;
+    const auto there = at(position);
+    if (!there) return;
+    const double bound = there->nearest().bound();
+    kept = kept || bound >= margin() - kSlack;
+    const bool refused = kept ? bound < margin() - kSlack : bound < before - kSlack;
+    before = std::max(before, bound);
+    if (!refused && !(i == kAsked && !kept)) continue;
+    throw std::invalid_argument(fmt::format(
+        "({:.2f}, {:.2f}, {:.2f}) mm is out of reach: the robot would be {}, and {:.2f} mm must be "
+        "left (keep_out.margin)",
+        position.x() * 1e3, position.y() * 1e3, position.z() * 1e3, clearance_text(*there),
+        margin() * 1e3));
+  }
+}
+
+std::string clearance_text(const control::Clearance& clearance) {
+  const control::WallClearance& wall = clearance.nearest();
+  const char* const name = clearance.at_lens() ? "lens" : "retina";
+  if (wall.distance < 0) return fmt::format("{:.2f} mm inside the {}", -wall.distance * 1e3, name);
+  return fmt::format("{:.2f} mm from the {} (\u00b1{:.2f} mm)", wall.distance * 1e3, name,
+                     wall.uncertainty * 1e3);
+}
+
+}  // namespace vitreo

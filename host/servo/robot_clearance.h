@@ -1,0 +1,64 @@
+// Robot clearance: how near the robot's surface is to retina and lens, by what a servo loop
+// believes of its shape, its attitude and its view; and whether a path keeps the margin.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/clearance.h"
+#include "control/keep_out.h"
+#include "control/trajectory.h"
+#include "host/rig/rig.h"
+#include "optics/analysis/depth_doubt.h"
+
+#include <Eigen/Core>
+
+#include <limits>
+#include <optional>
+#include <string>
+
+namespace vitreo {
+
+/// Attitude and view of a loop; as it is before there is one: any attitude, the rig's own view.
+struct ClearanceBelief {
+  Eigen::Vector3d axis{1, 0, 0};                                // unit, world
+  double axis_sigma = std::numeric_limits<double>::infinity();  // rad
+  bool through_eye = true;                                      // positions come by the top camera
+  bool calibrated = false;  // on the retina (ServoSettings::view)
+};
+
+class RobotClearance {
+ public:
+  /// Throws std::invalid_argument naming a setting.
+  RobotClearance(const RigModel& model, const ClearanceBelief& belief);
+  /// At a position (m, world) with the covariance of its measurement (m^2); what is doubtful of the
+  /// view comes on top. Nothing for a rig whose eye has no lens: it has no walls to know of.
+  std::optional<control::Clearance> at(
+      const Eigen::Vector3d& position,
+      const Eigen::Matrix3d& covariance = Eigen::Matrix3d::Zero()) const;
+  double margin() const { return model_.margin; }  // m
+  const ClearanceBelief& belief() const { return belief_; }
+  /// Throws std::invalid_argument with the clearance and the margin in mm where the path's end, or
+  /// any place of it, is nearer than the margin. A path that begins nearer may lead away.
+  void check(const control::Trajectory& path) const;
+  /// A wall was felt where `distance` (m) was still believed: from now on every distance to it is
+  /// less by that.
+  void felt(bool lens, double distance);
+
+ private:
+  struct Walls {
+    double margin = 0;
+    bool there = false;
+    Eigen::Vector3d eye_in_world{0, 0, 0};
+    control::BodySurface body;
+    control::EyeCavity eye;
+  };
+  Walls model_;
+  ClearanceBelief belief_;
+  optics::DepthDoubt doubt_;
+  double felt_retina_ = 0;  // m
+  double felt_lens_ = 0;    // m
+};
+
+/// "0.12 mm from the retina (0.35 mm, give or take 0.23 mm)"
+std::string clearance_text(const control::Clearance& clearance);
+
+}  // namespace vitreo

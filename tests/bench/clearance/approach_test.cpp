@@ -1,0 +1,63 @@
+// A few of the approaches that clearance_approaches measures by the hundred, and the predictive
+// form against the projection.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/bench/clearance/approach.h"
+
+#include "control/robots.h"
+#include "tests/bench/clearance/predictive.h"
+
+#include <gtest/gtest.h>
+
+namespace vitreo::approaches {
+namespace {
+
+TEST(Approach, LetDownOntoTheRetinaItIsRedBeforeItTouchesAndNeverShownFarther) {
+  for (const bool upright : {false, true}) {
+    ApproachSetting setting;
+    setting.seed = upright ? 12 : 11;
+    setting.upright = upright;
+    setting.sink = true;
+    const ApproachResult result = run_approach(setting);
+    EXPECT_TRUE(result.touched) << result.ending;
+    EXPECT_TRUE(result.red_first);
+    EXPECT_GT(result.optimism, -0.5) << "it was shown";
+    EXPECT_LE(result.optimism, 50e-6);
+  }
+}
+
+TEST(Approach, DrivenToTheMarginItKeepsItUnderFaultsAsFarAsTheCoilsObey) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    ApproachSetting setting;
+    setting.seed = seed;
+    setting.upright = seed % 2 == 0;
+    setting.feedback = Feedback::pose_sensor;
+    setting.margin = 0.3e-3;
+    setting.faults = static_cast<int>(seed % 3);
+    const ApproachResult result = run_approach(setting);
+    EXPECT_FALSE(result.touched && result.driven) << seed << ": " << result.plan;
+    EXPECT_LT(result.least_true, 0.45e-3) << seed << ": it came there; " << result.plan;
+  }
+}
+
+// Without limits in the way: the first of N equal steps to the margin.
+TEST(Approach, ThePredictiveFormIsTheProjectionWithTheHorizonsRate) {
+  control::UncertainPose pose;
+  pose.position = {0, 0, -4.1e-3};
+  pose.axis_sigma = 0;
+  const control::Clearance near =
+      control::clearance(control::surface_of(control::coni_2mm()), {}, pose);
+  const Eigen::Vector3d wanted(0.2e-3, 0, -1e-3);
+  PredictiveSettings program;
+  CurrentMap idle;
+  idle.rest = control::Currents::Zero(8);
+  idle.slope = Eigen::MatrixXd::Zero(8, 3);
+  control::KeepOut projection;
+  projection.margin = program.margin;
+  projection.rate = 1 / (program.frames * program.period);
+  const PredictiveResult found = predictive_keep_out(program, near, wanted, {0, 0, 0}, 1, idle);
+  EXPECT_LT(found.violation, 1e-3);
+  EXPECT_LT((found.velocity - control::keep_out(projection, near, wanted).velocity).norm(), 2e-6);
+}
+
+}  // namespace
+}  // namespace vitreo::approaches

@@ -1,0 +1,230 @@
+// Clearance by what a loop believes, the margin of paths, the watch of walls, and the loop at the
+// margin: no command crosses it.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/robot_clearance.h"
+
+#include "host/servo/servo.h"
+#include "host/servo/wall_watch.h"
+#include "tests/control/surface_samples.h"
+#include "tests/host/rig/fake_rig.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace vitreo {
+namespace {
+
+RigDescription rig_with_margin(double margin) {
+  RigDescription description = whole_rig();
+  description.table["keep_out"] = ConfigValue{ConfigTable{{"margin", {margin}}}};
+  return description;
+}
+
+ServoSettings by_pose(ControlLaw law = ControlLaw::estimator) {
+  ServoSettings settings;
+  settings.law = law;
+  settings.feedback = Feedback::pose_sensor;
+  return settings;
+}
+
+std::string refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// m, of the true surface.
+double true_clearance(TestBench& bench) {
+  const auto truth = bench.rig->laboratory()->truth(bench.clock->now());
+  const control::Robot& robot = bench.roles().model.robot;
+  return samples::least_distance({}, samples::spheroid(robot.semi_axis, robot.semi_radius),
+                                 truth->position, truth->axis)
+      .nearest();
+}
+
+TEST(RobotClearance, ATargetInsideOfTheRetinaOrTheMarginIsRefusedWithTheClearanceInMillimeters) {
+  TestBench bench;
+  const auto servo = bench.held(1, by_pose());
+  const std::string inside = refusal([&] { servo->hold({0, 0, -4.9e-3}); });
+  EXPECT_NE(inside.find("0.40 mm inside the retina"), std::string::npos) << inside;
+  EXPECT_NE(inside.find("0.20 mm must be left (keep_out.margin)"), std::string::npos) << inside;
+  const std::string near = refusal([&] { servo->hold({0, 0, -4.4e-3}); });
+  EXPECT_NE(near.find("0.10 mm from the retina"), std::string::npos) << near;
+  EXPECT_NE(refusal([&] { servo->hold({0, 0, 10e-3}); }).find("lens"), std::string::npos);
+  EXPECT_EQ(servo->status().target, Eigen::Vector3d(0, 0, 0)) << "the old place is held";
+  EXPECT_EQ(refusal([&] { servo->hold({0, 0, -4.2e-3}); }), "");
+}
+
+TEST(RobotClearance, AnUprightRobotNeedsMoreRoomThanOneThatLies) {
+  TestBench bench;
+  ServoSettings settings = by_pose();
+  settings.axis = {0, 0, 1};
+  const auto servo = bench.held(1, settings);
+  EXPECT_NE(refusal([&] {
+              servo->hold({0, 0, -4.2e-3});
+            }).find("inside the retina"),
+            std::string::npos);
+  EXPECT_EQ(refusal([&] { servo->hold({0, 0, -3.7e-3}); }), "");
+}
+
+TEST(RobotClearance, APathThatCrossesTheMarginIsRefusedBeforeItStarts) {
+  TestBench bench;
+  const auto servo = bench.held(1, by_pose());
+  const auto dipping =
+      control::Trajectory::waypoints({{0, 0, 0}, {0, 0, -4.45e-3}, {1e-3, 0, 0}}, {1e-3, 2e-3});
+  EXPECT_NE(refusal([&] { servo->follow(dipping); }).find("retina"), std::string::npos);
+  EXPECT_EQ(servo->status().state, ServoState::holding);
+}
+
+TEST(RobotClearance, WhatLiesOnTheRetinaMayBeLiftedButNotLowered) {
+  const TestBench bench;
+  const RobotClearance surface(bench.rig->rig().model, by_pose().clearance_belief());
+  const Eigen::Vector3d lying(0, 0, -4.5e-3);
+  EXPECT_NO_THROW(surface.check(control::Trajectory::line(lying, {0, 0, 0}, {})));
+  EXPECT_THROW(surface.check(control::Trajectory::waypoints({lying, {0, 0, -4.7e-3}, {0, 0, 0}},
+                                                            {1e-3, 2e-3})),
+               std::invalid_argument);
+  EXPECT_THROW(surface.check(control::Trajectory::hold_at(lying)), std::invalid_argument);
+}
+
+TEST(RobotClearance, ThroughAnEyeItIsLessCertainAndLeastSoWhereTheEyeIsNotKnown) {
+  TestBench known;
+  RigDescription doubted = whole_rig();
+  doubted.table["keep_out"] = ConfigValue{ConfigTable{{"eye", {std::string("table_5_1")}}}};
+  TestBench unknown(1, {}, doubted);
+  ServoSettings settings;
+  settings.feedback = Feedback::one_camera;
+  const Eigen::Vector3d place(0, 0, -3e-3);
+  const auto uncertainty = [&](TestBench& bench, const ServoSettings& with) {
+    return RobotClearance(bench.roles().model, with.clearance_belief())
+        .at(place)
+        ->retina.uncertainty;
+  };
+  const double by_truth = uncertainty(known, by_pose());
+  const double by_image = uncertainty(known, settings);
+  const double by_unknown_eye = uncertainty(unknown, settings);
+  settings.view.image_scale = 1.01;
+  const double calibrated = uncertainty(unknown, settings);
+  EXPECT_LT(by_truth, 0.05e-3);
+  EXPECT_GT(by_image, 0.4e-3) << "1.5 % of size is 0.3 mm of depth";
+  EXPECT_GT(by_unknown_eye, 1.5 * by_image);
+  EXPECT_LT(calibrated, 0.5 * by_unknown_eye) << "on the retina, where it counts";
+}
+
+TEST(RobotClearance, TheMarginOfTheRigFileIsReadWithItsBounds) {
+  EXPECT_EQ(TestBench(1, {}, rig_with_margin(0.35e-3)).roles().model.keep_out.margin, 0.35e-3);
+  EXPECT_THROW(TestBench(1, {}, rig_with_margin(-1e-4)), ConfigError);
+  EXPECT_THROW(TestBench(1, {}, rig_with_margin(5e-3)), ConfigError) << "a slip of a unit";
+}
+
+// Nothing that a call would take: the trim presses the robot down with 0.4 mm/s.
+TEST(RobotClearance, WhateverPressesItEveryLawKeepsTheMargin) {
+  for (const ControlLaw law : {ControlLaw::estimator, ControlLaw::pd}) {
+    TestBench bench(3, {}, rig_with_margin(0.3e-3));
+    const auto servo = bench.held(2, by_pose(law));
+    servo->hold({0, 0, -3.5e-3});
+    bench.clock->sleep_for(from_seconds(8));
+    servo->set_trim(servo->force_for({0, 0, -0.4e-3}));
+    servo->release();
+    double least = 1;
+    for (int k = 0; k < 200; ++k) {
+      bench.clock->sleep_for(from_seconds(0.05));
+      least = std::min(least, true_clearance(bench));
+    }
+    EXPECT_GT(least, 0.25e-3) << to_string(law);
+    EXPECT_LT(least, 0.45e-3) << "it was pressed to the margin; " << to_string(law);
+    EXPECT_TRUE(servo->status().kept_out) << to_string(law);
+  }
+}
+
+TEST(RobotClearance, OnlyWhoSaysSoLaysItOnTheRetinaAndTheRecordHasIt) {
+  TestBench bench(3);
+  const auto servo = bench.held(2, by_pose());
+  servo->hold({0, 0, -3.5e-3});
+  bench.clock->sleep_for(from_seconds(8));
+  servo->set_trim(servo->force_for({0, 0, -0.6e-3}));
+  servo->release(false, true);
+  bench.clock->sleep_for(from_seconds(6));
+  EXPECT_LT(true_clearance(bench), 5e-6);
+  ASSERT_TRUE(servo->status().clearance);
+  EXPECT_LT(servo->status().clearance->nearest().bound(), 0.02e-3);
+  servo->set_trim({0, 0, 0});
+  servo->hold({0, 0, 0});
+  bench.clock->sleep_for(from_seconds(12));
+  EXPECT_GT(true_clearance(bench), 3e-3) << "and it is lifted again";
+  int events = 0;
+  for (const Event& event : bench.recorder->events())
+    if (event.kind == "keep-out margin") ++events;
+  EXPECT_EQ(events, 2) << "off and on";
+}
+
+TEST(RobotClearance, TheRecordHasAStreamOfIt) {
+  TestBench bench(2);
+  const auto servo = bench.held(3, by_pose());
+  for (const Stream& stream : bench.recorder->streams()) {
+    if (stream.info.name != "clearance") continue;
+    ASSERT_GT(stream.times.size(), 30U);
+    const std::size_t row = stream.times.size() - 1;
+    EXPECT_NEAR(stream.at(row, 0), stream.at(row, 1) - stream.at(row, 2), 1e-12) << "the bound";
+    EXPECT_NEAR(stream.at(row, 1), 4.5e-3, 0.1e-3);
+    EXPECT_EQ(stream.at(row, 6), 0.2e-3);
+    return;
+  }
+  FAIL() << "no stream clearance";
+}
+
+class WallWatchTest : public ::testing::Test {
+ protected:
+  WallSight sight(double time, double height, double target) {
+    const Eigen::Vector3d at(0, 0, -5e-3 + height);
+    control::UncertainPose pose;
+    pose.position = at;
+    pose.axis_sigma = 0;
+    return {time, control::clearance({}, {}, pose), at, {0, 0, -5e-3 + target}, false};
+  }
+  WallWatch watch{0.2e-3};
+};
+
+TEST_F(WallWatchTest, BrieflyInsideTheMarginIsNoAlarmAndLongerIs) {
+  EXPECT_FALSE(watch.see(sight(0, 0.8e-3, 0.8e-3)).inside);
+  EXPECT_FALSE(watch.see(sight(0.1, 0.6e-3, 0.8e-3)).inside);
+  EXPECT_FALSE(watch.see(sight(0.4, 0.6e-3, 0.8e-3)).inside);
+  EXPECT_TRUE(watch.see(sight(0.7, 0.6e-3, 0.8e-3)).inside);
+  EXPECT_TRUE(watch.see(sight(0.8, 0.68e-3, 0.8e-3)).inside) << "not yet out of it";
+  EXPECT_FALSE(watch.see(sight(0.9, 0.71e-3, 0.8e-3)).inside);
+}
+
+// The review's session: 0.65 mm on the page, the target 0.5 mm deeper, and nothing moved for 25 s.
+TEST_F(WallWatchTest, ARobotThatIsToldDownAndDoesNotComeIsPressed) {
+  bool pressed = false;
+  double when = 0;
+  for (int k = 0; k < 45 && !pressed; ++k) {
+    when = k / 15.0;
+    pressed = watch.see(sight(when, 1.15e-3 + (k % 2) * 5e-6, 0.65e-3)).pressed;
+  }
+  EXPECT_TRUE(pressed);
+  EXPECT_NEAR(when, WallWatch::kLong, 0.2);
+}
+
+TEST_F(WallWatchTest, OneThatMovesOrIsThereOrIsFarFromEveryWallIsNot) {
+  for (int k = 0; k < 60; ++k) {
+    const double time = k / 15.0;
+    EXPECT_FALSE(watch.see(sight(time, 1.4e-3 - k * 5e-6, 0.9e-3)).pressed) << "75 um/s";
+  }
+  watch.forget();
+  for (int k = 0; k < 60; ++k)
+    EXPECT_FALSE(watch.see(sight(k / 15.0, 1.0e-3, 0.9e-3)).pressed)
+        << "a standing error of 0.1 mm";
+  watch.forget();
+  for (int k = 0; k < 60; ++k)
+    EXPECT_FALSE(watch.see(sight(k / 15.0, 4e-3, 3e-3)).pressed) << "in the middle of the eye";
+}
+
+}  // namespace
+}  // namespace vitreo
