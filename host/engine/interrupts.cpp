@@ -15,6 +15,8 @@ enum class SignalPhase { waiting, running, closing };
 std::atomic<SignalPhase> phase{SignalPhase::waiting};
 /// Tier by tier what the signals asked for that came before there was a run.
 std::atomic<StopTier> early{StopTier::none};
+/// The first of them, and the process that sent it.
+std::atomic<int> early_number{0}, early_sender{0};
 static_assert(std::atomic<SignalPhase>::is_always_lock_free &&
               std::atomic<StopTier>::is_always_lock_free);
 
@@ -29,18 +31,21 @@ void end_process(int number) noexcept {
   raise(number);
 }
 
-// In a signal handler: RunControl::request(tier) is async-signal-safe.
-extern "C" void on_signal(int number) {
+// In a signal handler: RunControl::request_by_signal() is async-signal-safe.
+extern "C" void on_signal(int number, siginfo_t* info, void*) {
   if (phase == SignalPhase::closing) return;
   RunControl* const control = attached_control();
   const bool running = phase == SignalPhase::running && control != nullptr;
   const StopTier before = running ? control->tier() : early.load();
   if (before >= StopTier::abort && number != SIGQUIT) return end_process(number);
+  // Of the terminal's own the kernel is the sender.
+  const bool sent = info != nullptr && (info->si_code == SI_USER || info->si_code == SI_QUEUE ||
+                                        info->si_code == SI_TKILL);
   const StopTier asked = asked_by(number, before);
-  if (running)
-    control->request(asked);
-  else
-    early = asked;
+  if (running) return control->request_by_signal(number, sent ? info->si_pid : 0, asked);
+  if (early == StopTier::none) early_number = number;
+  if (early == StopTier::none) early_sender = sent ? info->si_pid : 0;
+  early = asked;
 }
 
 }  // namespace
@@ -49,8 +54,8 @@ InterruptScope::InterruptScope() {
   phase = SignalPhase::waiting;
   early = StopTier::none;
   struct sigaction action = {};
-  action.sa_handler = on_signal;
-  action.sa_flags = SA_RESTART;  // reading a line at the prompt goes on
+  action.sa_sigaction = on_signal;
+  action.sa_flags = SA_RESTART | SA_SIGINFO;  // reading a line at the prompt goes on
   for (const int number : kSignals) sigaction(number, &action, nullptr);
 }
 
@@ -60,7 +65,8 @@ InterruptScope::~InterruptScope() {
 
 void InterruptScope::begin(RunControl& control) {
   phase = SignalPhase::running;
-  if (const StopTier asked = early; asked != StopTier::none) control.request(asked);
+  if (const StopTier asked = early; asked != StopTier::none)
+    control.request_by_signal(early_number, early_sender, asked);
 }
 
 void InterruptScope::end() noexcept { phase = SignalPhase::closing; }

@@ -10,18 +10,22 @@ namespace {
 
 /// Made with the first turn, as other loops have no use of it; a second loop of the run shares it.
 int attitude_stream(Recorder& recorder) {
+  const char* const kWanted = "reference of the robot's axis";
+  const char* const kMeasured = "the robot's axis, measured";
+  const char* const kField = "direction of the field for it";
   const StreamInfo info{"attitude",
                         "the robot's axis: wanted, measured, and the field's direction for it",
-                        {{"wanted_x", ""},
-                         {"wanted_y", ""},
-                         {"wanted_z", ""},
-                         {"x", ""},
-                         {"y", ""},
-                         {"z", ""},
-                         {"sigma", "rad"},
-                         {"field_x", ""},
-                         {"field_y", ""},
-                         {"field_z", ""}}};
+                        {{"wanted_x", "1", kWanted, kWorld},
+                         {"wanted_y", "1", kWanted, kWorld},
+                         {"wanted_z", "1", kWanted, kWorld},
+                         {"x", "1", kMeasured, kWorld},
+                         {"y", "1", kMeasured, kWorld},
+                         {"z", "1", kMeasured, kWorld},
+                         {"sigma", "rad", "standard deviation of the measured direction"},
+                         {"field_x", "1", kField, kWorld},
+                         {"field_y", "1", kField, kWorld},
+                         {"field_z", "1", kField, kWorld}},
+                        kExposure};
   for (std::size_t i = 0; i < recorder.streams().size(); ++i)
     if (recorder.streams()[i].info.name == info.name) return static_cast<int>(i);
   return recorder.add_stream(info);

@@ -19,19 +19,22 @@ RotorSettings rotor_settings(const RigModel& model) {
 
 /// A second loop of the same run goes on with the first one's stream.
 int rotation_stream(Recorder& recorder) {
-  const StreamInfo info{"rotation",
-                        "the rotating field that is commanded, and how the robot answers it",
-                        {{"frequency", "Hz"},
-                         {"axis_x", ""},
-                         {"axis_y", ""},
-                         {"axis_z", ""},
-                         {"field", "T"},
-                         {"phase", "rad"},
-                         {"limit", "Hz"},
-                         {"set_points", "Hz"},
-                         {"response", ""},
-                         {"response_sigma", ""},
-                         {"stepped_out", ""}}};
+  const char* const kAxis = "axis of the field's rotation";
+  const StreamInfo info{
+      "rotation",
+      "the rotating field that is commanded, and how the robot answers it",
+      {{"frequency", "Hz", "commanded; negative: against the axis"},
+       {"axis_x", "1", kAxis, kWorld},
+       {"axis_y", "1", kAxis, kWorld},
+       {"axis_z", "1", kAxis, kWorld},
+       {"field", "T", "magnitude that is commanded"},
+       {"phase", "rad", "of the field in its turn"},
+       {"limit", "Hz", "the fastest now: of the law, of the coils, below a step-out"},
+       {"set_points", "Hz", "that the amplifiers take"},
+       {"response", "1", "way per turn over the believed one"},
+       {"response_sigma", "1", "standard deviation of the response"},
+       {"stepped_out", "1", "1 where it no longer turns with the field"}},
+      kSetPoint};
   for (std::size_t i = 0; i < recorder.streams().size(); ++i)
     if (recorder.streams()[i].info.name == info.name) return static_cast<int>(i);
   return recorder.add_stream(info);

@@ -141,7 +141,7 @@ struct Servo::Loop {
         settings(given),
         source(the_clock, the_rig, the_recorder, std::move(given_cameras), given),
         controller(the_rig.model, controller_settings(the_rig, given, source.period())),
-        archive(the_recorder, the_rig, source_of(given.feedback),
+        archive(the_recorder, the_rig, given.axis, source_of(given.feedback),
                 given.law == ControlLaw::estimator || given.law == ControlLaw::rotating),
         attitude(the_recorder, given.axis, attitude_gains(the_rig)),
         surface(the_rig.model, given.clearance_belief()),
@@ -292,8 +292,10 @@ struct Servo::Loop {
                                               observation.covariance};
     attitude.observe(frame.exposed, observation);
     // The field set now acts after the coils' delay.
-    if (attitude.active())
+    if (attitude.active()) {
       controller.set_axis(attitude.field_direction(now + rig.model.command_delay));
+      archive.set_axis(attitude.wanted(now));
+    }
     if (rotating) {
       const ControlStep turn =
           rotating->step(now, measured, reference, control_mode(), frame.exposed);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/session/instrument_record.h"
 
+#include "host/record/meaning.h"
+
+#include <string>
 #include <utility>
 
 namespace vitreo {
@@ -48,7 +51,9 @@ int InstrumentRecord::stream_of(const std::string& role, const InstrumentInfo& i
   return known->second = recorder_.add_stream(
              {name,
               to_string(info.identity) + (quantity.help.empty() ? "" : ": " + quantity.help),
-              {{quantity.name, quantity.unit}}});
+              {{quantity.name, quantity.unit,
+                quantity.help.empty() ? quantity.name : quantity.help}},
+              kReading});
 }
 
 void InstrumentRecord::pause(const std::string& role) {

@@ -2,6 +2,7 @@
 #include "host/view/pointing.h"
 
 #include "host/servo/servo.h"
+#include "host/servo/servo_record.h"
 
 #include <Eigen/LU>
 
@@ -134,17 +135,9 @@ nlohmann::json Pointing::marks(const std::vector<double>& servo) const {
   return marks;
 }
 
-nlohmann::json Pointing::field(const std::vector<double>& servo,
-                               const std::vector<double>& currents) const {
-  const Eigen::Vector3d robot = Eigen::Map<const Eigen::Vector3d>(servo.data());
-  const auto count = static_cast<Eigen::Index>(currents.size());
-  // No robot, outside the model's workspace, or a record of other coils: nothing to show.
-  if (!robot.allFinite() || !model_.field.valid_at(robot) || model_.field.coils() != count)
-    return nullptr;
-  const Eigen::VectorXd amperes = Eigen::Map<const Eigen::VectorXd>(currents.data(), count);
-  // The field model is linear in the currents; its first three rows are the field, T.
-  const Eigen::Vector3d b =
-      (model_.field.matrix(robot) * amperes + model_.field.background(robot)).head<3>();
+// The row begins with the field's x, y, z.
+nlohmann::json Pointing::field(const std::vector<double>& command) {
+  const Eigen::Vector3d b = Eigen::Map<const Eigen::Vector3d>(command.data());
   const double size = b.norm();
   if (!(size > 0)) return nullptr;
   return {{"tesla", size}, {"direction", {b.x() / size, b.y() / size, b.z() / size}}};
