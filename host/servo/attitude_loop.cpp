@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/attitude_loop.h"
 
+#include "host/record/meaning.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/rotating_drive.h"
 
+#include "host/record/meaning.h"
+
 #include <fmt/format.h>
 
 #include <array>
