@@ -401,9 +401,10 @@ TEST_F(HeldCurrentTest, ALinkThatHangsUpIsNoticedWithinAFewMilliseconds) {
     const int asked = amplifier.asked;
     amplifier.links.hung_up = "channel 2, tcp:10.0.0.12:5025";
     EXPECT_LE(noticed_after(), 0.006) << trial;
-    EXPECT_EQ(
-        told,
-        "channel 2, tcp:10.0.0.12:5025 has hung up: its cable is out, or it has lost its power");
+    EXPECT_EQ(told,
+              "channel 2, tcp:10.0.0.12:5025 has hung up: its cable is out, or it has lost its "
+              "power;")
+        << "once, and which";
     EXPECT_TRUE(broken);
     EXPECT_EQ(amplifier.asked, asked) << "nothing was asked";
     EXPECT_EQ(amplifier.set, (Flows{0, 0, 0}));
