@@ -77,12 +77,13 @@ SweepRequest request_of(Program& program, SweepWords& wanted) {
 }
 
 /// Where instruments are real there is one laboratory, and one run in it at a time.
-void check_laboratory(Program& program, const std::string& rig, const SweepWords& wanted) {
+void check_laboratory(Program& program, const std::string& rig, SweepWords& wanted) {
   if (!has_real_instruments(program.engine().load_rig(rig))) return;
   if (wanted.slurm || wanted.jobs > 1)
     throw ConfigError(rig +
                       ": has real instruments, which one run at a time can use: --jobs 1, "
                       "and no --slurm");
+  wanted.jobs = 1;
 }
 
 /// How far it is, on the standard error: one line that is redrawn on a terminal; elsewhere a line
