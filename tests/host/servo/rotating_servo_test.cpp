@@ -96,6 +96,9 @@ TEST(RotatingServo, ARobotThatIsGoneIsLostAndTheCoilsGoToZeroUntilAGoalIsGiven) 
   EXPECT_EQ(servo->status().state, ServoState::lost);
   EXPECT_LT(output_of(bench), kAtRest);
   bench.roles().sample->insert_robot({0, 0, 0});
+  bench.clock->sleep_for(from_seconds(0.5));
+  EXPECT_TRUE(servo->status().position) << "it is seen";
+  EXPECT_LT(output_of(bench), kAtRest);
   servo->hold({0, 0, 0});
   bench.clock->sleep_for(from_seconds(1));
   EXPECT_GT(output_of(bench), 0.05);
