@@ -28,6 +28,11 @@ struct Robot {
   double saturation = 0;        // A/m: saturation magnetization (soft) or remanence/mu0 (hard)
   double demagnetization = 0;   // along the easy axis; 0 with `hard`
   bool hard = false;            // a permanent magnet
+  /// Identified factors (control/robot_identification.h): of the drag of its outline, along its
+  /// axis and across, and of the moment of its volume.
+  double drag_along = 1;
+  double drag_across = 1;
+  double moment_factor = 1;
   double anisotropy = 0;  // of a soft magnet: the factor across the axis less the one along it
   void check() const;     // throws std::invalid_argument naming the parameter
   /// |m| in A m^2 along the axis at the field |B| in T: hard, or soft as V Ms tanh(B / (mu0 N Ms)).

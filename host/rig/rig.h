@@ -30,6 +30,16 @@
 
 namespace vitreo {
 
+/// How well a laboratory knows what its localization takes for known: standard deviations, of
+/// errors that stay. The defaults are those that a simulated rig's plant is drawn with
+/// (docs/simulated_laboratory.md).
+struct ViewUncertainty {
+  double size = 0.01;    // relative, of the robot
+  double pixel = 0.005;  // relative, of each camera's scale
+  double tilt = 3.5e-3;  // rad, of each camera against the world
+  double eye = 50e-6;    // m, of the eye's place along each axis
+};
+
 /// The nominal model: what the loop computes with. The real thing (or the simulated one) differs.
 struct RigModel {
   optics::System eye;
@@ -49,6 +59,7 @@ struct RigModel {
   std::vector<int> dead_coils;    // channels from 1 that must stay without current
   control::Robot robot;
   control::Medium medium;
+  ViewUncertainty uncertainty;
   std::string focus_axis = "z";            // of the stage that carries the sensor, along the light
   std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
 };

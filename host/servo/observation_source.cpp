@@ -95,8 +95,9 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_pose(Time 
   const Frame stamps{{}, reading.number, reading.exposed, reading.received};
   if (!validator_.plausible(stamps)) return std::nullopt;
   validator_.must_change(reading.position);
-  ObservedFrame found{
-      stamps, {{}, validator_.finite(reading.position), reading.covariance, 0, std::nullopt}};
+  ObservedFrame found{stamps, {}};
+  found.observation.position = validator_.finite(reading.position);
+  found.observation.covariance = reading.covariance;
   if (rehearsed_ && found.observation.position)
     found.observation.ellipse = rehearsed_->ellipse_at(*found.observation.position);
   return found;

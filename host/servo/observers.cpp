@@ -29,7 +29,15 @@ SideObservation side_observation(const RigModel& model, Time exposed,
   // As of the top camera: systematic errors of a tenth of a pixel, which are in no covariance.
   const Eigen::Matrix2d image =
       seen.covariance.topLeftCorner<2, 2>() + 0.1 * 0.1 * Eigen::Matrix2d::Identity();
-  return {exposed, to_world * away, to_world * image * to_world.transpose()};
+  SideObservation side{exposed, to_world * away, to_world * image * to_world.transpose()};
+  // A scale moves along the way out from the center, a turn of the camera across it.
+  const Eigen::Vector2d out = side.position;
+  const Eigen::Vector2d across(-out.y(), out.x());
+  const ViewUncertainty& known = model.uncertainty;
+  side.systematic = known.pixel * known.pixel * out * out.transpose() +
+                    known.tilt * known.tilt * across * across.transpose();
+  side.covariance += side.systematic;
+  return side;
 }
 
 }  // namespace
@@ -80,6 +88,10 @@ std::optional<SideObservation> SideObservationBuffer::between(Time exposed) cons
   view.exposed = exposed;
   view.position = (1 - w) * before->position + w * last->position;
   view.covariance = (1 - w) * (1 - w) * before->covariance + w * w * last->covariance;
+  // What stays is the same in both: it is not averaged.
+  const Eigen::Matrix2d stays = (1 - w) * before->systematic + w * last->systematic;
+  view.covariance += stays - (1 - w) * (1 - w) * before->systematic - w * w * last->systematic;
+  view.systematic = stays;
   return view;
 }
 

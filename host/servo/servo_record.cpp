@@ -49,7 +49,10 @@ StreamInfo estimate_stream() {
            {"disturbance_z", "m/s"},
            {"sigma_x", "m"},
            {"sigma_y", "m"},
-           {"sigma_z", "m"}}};
+           {"sigma_z", "m"},
+           {"commanded_x", "m/s"},
+           {"commanded_y", "m/s"},
+           {"commanded_z", "m/s"}}};
 }
 
 StreamInfo current_stream(int coils) {
@@ -57,6 +60,19 @@ StreamInfo current_stream(int coils) {
   for (int coil = 1; coil <= coils; ++coil)
     info.channels.push_back({"i" + std::to_string(coil), "A"});
   return info;
+}
+
+/// In the order of estimate_stream(). The sigmas are with the localization's errors that stay,
+/// which the filter does not know of.
+std::array<double, 12> estimate_row(const ControlStep& step, const Observation& observation) {
+  const control::PositionEstimate& known = *step.estimate;
+  const Eigen::Vector3d& p = known.position;
+  const Eigen::Vector3d pushed = known.unexplained();
+  const Eigen::Vector3d s =
+      (known.covariance.diagonal().head<3>() + observation.systematic.diagonal()).cwiseSqrt();
+  const Eigen::Vector3d& u = step.commanded;
+  return {p.x(), p.y(), p.z(), pushed.x(), pushed.y(), pushed.z(),
+          s.x(), s.y(), s.z(), u.x(),      u.y(),      u.z()};
 }
 
 /// The stream of that name, which a second loop of the same run shares.
@@ -112,14 +128,8 @@ void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
                                    observation.pair_skew.value_or(std::nan(""))};
   recorder_.sample(samples_, exposed, row);
   recorder_.sample(currents_, now, rig_.coils->currents());
-  if (estimates_ >= 0 && step.estimate) {
-    const control::PositionEstimate& known = *step.estimate;
-    const Eigen::Vector3d pushed = known.unexplained();
-    const Eigen::Vector3d s = known.covariance.diagonal().head<3>().cwiseSqrt();
-    recorder_.sample(estimates_, now,
-                     std::array{known.position.x(), known.position.y(), known.position.z(),
-                                pushed.x(), pushed.y(), pushed.z(), s.x(), s.y(), s.z()});
-  }
+  if (estimates_ >= 0 && step.estimate)
+    recorder_.sample(estimates_, now, estimate_row(step, observation));
   if (!observation.ellipse) return;
   trail_.push_back(e.center_px);
   if (trail_.size() > kTrail) trail_.pop_front();

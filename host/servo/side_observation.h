@@ -12,7 +12,8 @@ namespace vitreo {
 struct SideObservation {
   Time exposed{};  ///< of its frame; of one between frames the moment that was asked for
   Eigen::Vector2d position{0, 0};                        // m
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // m^2
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // m^2, of all that is uncertain
+  Eigen::Matrix2d systematic = Eigen::Matrix2d::Zero();  // m^2, the part of it that stays
   /// Of a pair: how much later than the top camera's frame the side camera's nearest was exposed.
   Time skew{};
 };

@@ -107,6 +107,7 @@ ServoSettings settings_of(const Call& call) {
   settings.lost_timeout = call.number_option("lost_timeout").value_or(settings.lost_timeout);
   settings.axis_sigma = call.number_option("axis_uncertainty");
   settings.wall_drag = call.flag_option("wall_drag", settings.wall_drag);
+  settings.coil_tone = call.number_option("coil_tone").value_or(settings.coil_tone);
   for (const double channel : call.numbers_option("dead_coils").value_or(std::vector<double>{}))
     settings.dead_coils.push_back(channel_of(channel));
   if (const auto axis = call.vector_option("axis")) settings.axis = axis->normalized();
@@ -155,6 +156,19 @@ Returned margins_fields() {
       .or_nil("of another law, and before anything was measured");
 }
 
+Returned quality_fields() {
+  return {"table",
+          {{"good", "", "whether nothing of the below was so"},
+           {"oscillating", "", "the robot went to and fro about its target"},
+           {"standing", "", "it was told to move and stood"},
+           {"capped", "", "the feedback asked for its largest speed for more than 3 s"},
+           {"clamped", "", "what pushed it was at its bound for more than 3 s"},
+           {.name = "weak_coil",
+            .help = "the coil that carried less than it was given; nil: none",
+            .optional = true},
+           {"verdict", "", "good, or the names of what was wrong"}}};
+}
+
 /// What the loop is asked, and what it is waited for. 30 s of corrections are what it keeps, which
 /// bounds the duration of their mean.
 std::vector<Binding> listening_rows() {
@@ -178,6 +192,12 @@ std::vector<Binding> listening_rows() {
            "how far the loop is from oscillating, with the gains in use (law estimator; else nil)",
            margins,
            "servo:margins()"},
+          {"quality",
+           {},
+           quality_fields(),
+           "what was wrong with the control since the last goal was given",
+           quality,
+           "servo:quality()"},
           {"wait_until_tracked",
            {options_of({{.name = "timeout",
                          .type = Type::number,
@@ -216,52 +236,62 @@ std::vector<Binding> steering_rows() {
                       .help = "a trajectory, or a list of positions {x, y, z} in m"};
   const Argument place{.name = "position", .type = Type::vector, .unit = "m"};
   const Argument force{.name = "force", .type = Type::vector, .unit = "N"};
-  return {{"go_to",
-           {place, options_of(travel_options())},
-           "",
-           "goes straight to a place and waits until it stays there",
-           go_to,
-           "servo:go_to({ 0.5 * mm, 0, 0 }, { within = 0.5 * mm, settle = 0 })"},
-          {"follow",
-           {path, options_of(follow_options())},
-           {"number", "s"},
-           "goes along a trajectory, or straight lines with rest at each point; waits for the end, "
-           "returns the time it took",
-           follow,
-           "servo:follow({ { 0, 0, 0 }, { 0.5 * mm, 0, 0 } }, { speed = 1 * mm / s })"},
-          {"hold",
-           {place},
-           "",
-           "holds a place from now on; does not wait",
-           hold,
-           "servo:hold({ 0, 0, 0 })"},
-          {"release",
-           {options_of({{.name = "cancel",
-                         .type = Type::flag,
-                         .optional = true,
-                         .help = "go on canceling what pushes the robot (law estimator)"}})},
-           "",
-           "keeps field and weight compensation, leaves the place alone",
-           release,
-           "servo:release()"},
-          {"set_trim",
-           {force},
-           "",
-           "sets the constant force added to the weight compensation (status().trim)",
-           set_trim,
-           "servo:set_trim(servo:status().trim + servo:force_for { 0, 0, 10 * um / s })"},
-          {"set_offset",
-           {{.name = "offset", .type = Type::vector, .unit = "m", .help = "at most 1 mm long"}},
-           "",
-           "sets what is added to each place that the top camera finds (status().offset): its bias "
-           "at a known place",
-           set_offset,
-           "servo:set_offset({ 0, 0, 50 * um })"},
-          {.name = "close",
-           .doc = "ends the loop; the coils are at zero",
-           .function = close,
-           .example = "servo:close()",
-           .when_closed = true}};
+  return {
+      {"go_to",
+       {place, options_of(travel_options())},
+       "",
+       "goes straight to a place and waits until it stays there",
+       go_to,
+       "servo:go_to({ 0.5 * mm, 0, 0 }, { within = 0.5 * mm, settle = 0 })"},
+      {"follow",
+       {path, options_of(follow_options())},
+       {"number", "s"},
+       "goes along a trajectory, or straight lines with rest at each point; waits for the end, "
+       "returns the time it took",
+       follow,
+       "servo:follow({ { 0, 0, 0 }, { 0.5 * mm, 0, 0 } }, { speed = 1 * mm / s })"},
+      {"hold",
+       {place},
+       "",
+       "holds a place from now on; does not wait",
+       hold,
+       "servo:hold({ 0, 0, 0 })"},
+      {"let_fall",
+       {{.name = "duration", .type = Type::number, .unit = "s", .min = 0.05, .max = 1}},
+       {"table",
+        {{"off", "s", "when the coils were switched off"},
+         {"on", "s", "when they were given currents again"}}},
+       "switches the coils off for a moment and holds the robot again where it was to be; waits "
+       "for the moment's end (law estimator)",
+       let_fall,
+       "servo:let_fall(0.3 * s)"},
+      {"release",
+       {options_of({{.name = "cancel",
+                     .type = Type::flag,
+                     .optional = true,
+                     .help = "go on canceling what pushes the robot (law estimator)"}})},
+       "",
+       "keeps field and weight compensation, leaves the place alone",
+       release,
+       "servo:release()"},
+      {"set_trim",
+       {force},
+       "",
+       "sets the constant force added to the weight compensation (status().trim)",
+       set_trim,
+       "servo:set_trim(servo:status().trim + servo:force_for { 0, 0, 10 * um / s })"},
+      {"set_offset",
+       {{.name = "offset", .type = Type::vector, .unit = "m", .help = "at most 1 mm long"}},
+       "",
+       "sets what is added to each place that the top camera finds (status().offset): its bias "
+       "at a known place",
+       set_offset,
+       "servo:set_offset({ 0, 0, 50 * um })"},
+      {.name = "close",
+       .doc = "ends the loop; the coils are at zero",
+       .function = close,
+       .example = "servo:close()",
+       .when_closed = true}};
 }
 
 std::vector<Binding> servo_rows() {

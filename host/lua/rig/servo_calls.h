@@ -12,6 +12,8 @@ int set_offset(Call& call);
 int force_for(Call& call);
 int status(Call& call);
 int margins(Call& call);
+int quality(Call& call);
+int let_fall(Call& call);
 int wait_until_tracked(Call& call);
 int go_to(Call& call);
 int follow(Call& call);
