@@ -152,6 +152,7 @@ void PositionEstimator::start_at(const PositionMeasurement& measurement,
   covariance_(kTau, kTau) = settings_.delay_sigma * settings_.delay_sigma;
   started_ = true;
   rejected_ = 0;
+  innovation_.reset();
 }
 
 // The prediction to the measurement's time, then the update. The state is of the time at which the

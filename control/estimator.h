@@ -85,7 +85,8 @@ class PositionEstimator {
   /// before the first measurement, and when the last is older than max_age. Throws
   /// std::invalid_argument for a time before the last measurement.
   std::optional<PositionEstimate> at(double time) const;
-  /// Of the last measurement that was used; nothing before the second one.
+  /// Of the last measurement that was used; nothing where it was one to start from, the first or
+  /// one after outliers.
   const std::optional<Innovation>& innovation() const { return innovation_; }
   /// Of the last update: by what m, and m/s, an innovation of 1 m changed position and velocity
   /// (disturbance and gain together); 1 and 1/s.

@@ -65,6 +65,9 @@ void Robot::check() const {
           "robot solid_volume: more metal than its outline holds");
   require(positive(solid_density), "robot solid_density: must be above 0 kg/m^3");
   require(positive(saturation), "robot saturation: must be above 0 A/m");
+  require(positive(drag_along), "robot drag_along: must be above 0");
+  require(positive(drag_across), "robot drag_across: must be above 0");
+  require(positive(moment_factor), "robot moment_factor: must be above 0");
   require(hard || (positive(demagnetization) && demagnetization < 1),
           "robot demagnetization: must be within 0 and 1 for a soft magnet");
   require(std::isfinite(anisotropy) && anisotropy >= 0 && demagnetization + anisotropy < 1,
@@ -79,7 +82,7 @@ void Robot::check() const {
 // NaN never passes.
 double Robot::moment(double field) const {
   require(std::isfinite(field) && field >= 0, "field: a magnitude, must be at least 0 T");
-  const double full = solid_volume * saturation;
+  const double full = moment_factor * solid_volume * saturation;
   return hard ? full : full * std::tanh(field / (kMu0 * demagnetization * saturation));
 }
 
@@ -127,7 +130,9 @@ Eigen::Matrix3d resistance(const Robot& robot, const Medium& medium, const Eigen
     drag = {helix.along, helix.across};
   }
   const Eigen::Vector3d n = axis / length;
-  return drag.across * Eigen::Matrix3d::Identity() + (drag.along - drag.across) * n * n.transpose();
+  const double along = robot.drag_along * drag.along;
+  const double across = robot.drag_across * drag.across;
+  return across * Eigen::Matrix3d::Identity() + (along - across) * n * n.transpose();
 }
 
 }  // namespace vitreo::control

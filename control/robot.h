@@ -36,7 +36,12 @@ struct Robot {
   double saturation = 0;       // A/m: saturation magnetization (soft) or remanence/mu0 (hard)
   double demagnetization = 0;  // along the easy axis; 0 with `hard`
   bool hard = false;           // a permanent magnet
-  double anisotropy = 0;       // of a soft magnet: the factor across the axis less the one along it
+  /// Identified factors (control/robot_identification.h): of the drag of its outline, along its
+  /// axis and across, and of the moment of its volume.
+  double drag_along = 1;
+  double drag_across = 1;
+  double moment_factor = 1;
+  double anisotropy = 0;  // of a soft magnet: the factor across the axis less the one along it
   // A helical swimmer, whose moment is across the axis. Else that is along it, and the body a
   // spheroid; for the optics a helix is the spheroid about it.
   std::optional<Helix> helix{};

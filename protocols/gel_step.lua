@@ -109,12 +109,15 @@ return {
       run:result(law .. "_overshoot", found.overshoot, "")
       run:result(law .. "_reversals", found.reversals, "")
       run:result(law .. "_last", found.last, "")
+      local verdict = servo:quality().verdict
+      run:result(law .. "_control", verdict == "good" and 1 or 0)
       rows[#rows + 1] = {
         law,
         ("%.0f %%"):format(100 * found.overshoot),
         tostring(found.reversals),
         found.arrived and ("%.1f s"):format(found.arrived) or "never",
         ("%.0f %%"):format(100 * found.last),
+        verdict,
       }
       series[#series + 1] = { label = law, x = found.times, y = found.x }
       rig.sample:remove_robot()
@@ -123,7 +126,7 @@ return {
     end
     run:table {
       title = ("A step of %.1f mm, watched for %.0f s"):format(p.step / mm, p.watch / s),
-      header = { "law", "overshoot", "turns", "within 5 % for good after", "at the end" },
+      header = { "law", "overshoot", "turns", "within 5 % for good after", "at the end", "control" },
       rows = rows,
     }
     run:plot { title = "The step", x = { "time", "s" }, y = { "x", "mm" }, series = series }

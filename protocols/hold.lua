@@ -78,6 +78,13 @@ local function margins(run, servo, when)
   }
 end
 
+-- What the loop said of its own control since the last goal: a verdict in the table, a result, and a note where it is not good.
+local function quality(run, servo, law, what, span)
+  span.verdict = servo:quality().verdict
+  run:result(("%s_control_%s"):format(what, law), span.verdict == "good" and 1 or 0)
+  if span.verdict ~= "good" then run:note(("%s, %s: the control was not good: %s"):format(what, law, span.verdict)) end
+end
+
 local function hold(run, servo, p, aligned)
   servo:go_to(place, { within = 1 * mm, settle = 0 })
   run:wait(p.settle)
@@ -144,8 +151,10 @@ return {
       run:checkpoint("before the hold, " .. law)
       local held = hold(run, servo, p, aligned)
       if law == p.law then margins(run, servo, "at the hold's end") end
+      quality(run, servo, law, "hold", held)
       run:checkpoint("before the square, " .. law)
       local went = square(run, servo, p)
+      quality(run, servo, law, "square", went)
       held.law, went.law = law, law
       holds[#holds + 1], squares[#squares + 1] = held, went
       run:result(name_of("hold", law, p.law), held.found.rms, "m")
@@ -160,6 +169,7 @@ return {
           ("%.2f"):format(e.lateral_rms / um),
           ("%.2f"):format(e.depth_rms / um),
           tostring(e.count // 1 | 0),
+          part[2].verdict,
         }
       end
       rig.sample:remove_robot()
@@ -167,7 +177,7 @@ return {
     local _, reference = judge.reference(run)
     run:table {
       title = "Distance from the target, by the " .. reference .. "; feedback " .. p.feedback,
-      header = { "what", "law", "rms, µm", "largest, µm", "lateral rms, µm", "depth rms, µm", "frames" },
+      header = { "what", "law", "rms, µm", "largest, µm", "lateral rms, µm", "depth rms, µm", "frames", "control" },
       rows = rows,
     }
     error_plot(run, "Holding a place: error against time", holds)

@@ -107,7 +107,20 @@ CameraSettings sampled_camera(CameraSettings camera, const PlantSample& sample) 
   // An image arrives when its exposure is over.
   camera.latency = std::max(sampled_latency(sample, camera.latency), camera.exposure / 2);
   camera.jitter = std::max(camera.jitter, std::min(sample.jitter, 0.1 / camera.frame_rate));
+  // A stamp is of the past when the frame comes.
+  camera.stamp = std::clamp(sample.stamp, -camera.latency / 2, camera.latency / 2);
   return camera;
+}
+
+// How cameras and eye really stand. Of the laboratory too: another machine leaves them.
+LaboratorySettings with_sampled_views(LaboratorySettings settings, std::uint64_t seed) {
+  const PlantSample sample = sample_plant(settings.sigmas, seed);
+  settings.top_image.pixel *= sample.top_pixel;
+  settings.side_pixel *= sample.side_pixel;
+  settings.side_turn += sample.side_turn;
+  settings.microscope.tilt += sample.tilt;
+  settings.world.cavity.vertex += sample.eye;
+  return settings;
 }
 
 }  // namespace
@@ -136,10 +149,10 @@ WorldSettings sampled_world(const LaboratorySettings& settings, std::uint64_t se
 struct Laboratory::State {
   State(Laboratory& owner, const LaboratorySettings& given, Clock& the_clock,
         std::uint64_t the_seed)
-      : settings(given),
+      : settings(with_sampled_views(given, the_seed)),
         clock(the_clock),
         seed(the_seed),
-        world(sampled_world(given, the_seed), seed_for(the_seed, Purpose::world)),
+        world(sampled_world(settings, the_seed), seed_for(the_seed, Purpose::world)),
         lens(pololu_tic::make_emulator(homed_motor(given.lens), the_clock)),
         hands(owner, world, the_clock),
         probe(
@@ -227,8 +240,9 @@ struct Laboratory::State {
     if (!side_renderer) {
       const Aperture aperture{0.02, 550e-9, settings.side_pixel};
       side_renderer.emplace(
-          side_view(settings.side_pixel, settings.side_center_px, settings.side.size), aperture,
-          [](const Eigen::Vector2d&, double z) { return z; },
+          side_view(settings.side_pixel, settings.side_center_px, settings.side.size,
+                    settings.side_turn),
+          aperture, [](const Eigen::Vector2d&, double z) { return z; },
           side_ground(settings.side.size.width, settings.side.size.height), 0, settings.side.sensor,
           look_of(settings), seed_for(seed, Purpose::side_noise));
     }

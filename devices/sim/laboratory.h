@@ -54,6 +54,7 @@ struct LaboratorySettings {
   ProbeSettings probe;
   double side_pixel = 20.4e-6;               // m per pixel
   Eigen::Vector2d side_center_px{328, 245};  // where the world's origin shows
+  double side_turn = 0;                      // rad, of the side camera about its line of sight
   std::string fundus;                        // file of a photograph; empty: drawn
   double fundus_width = 30e-3;               // m of retina that the photograph spans
   double amperes_per_volt = 2;               // of the amplifiers behind the USB-3103

@@ -23,7 +23,13 @@ enum class Parameter : std::uint64_t {
   coil_bandwidth,
   latency,
   background,
-  heat_gain
+  heat_gain,
+  top_pixel,
+  side_pixel,
+  tilt,
+  side_turn,
+  eye,
+  stamp
 };
 
 std::mt19937_64 stream(std::uint64_t seed, Parameter parameter) {
@@ -38,12 +44,24 @@ double normal(std::uint64_t seed, Parameter parameter) {
   return std::clamp(std::normal_distribution<double>()(random), -kMostSigmas, kMostSigmas);
 }
 
+// Each coordinate of one stream, cut as above.
+template <class Vector>
+void draw(Vector& vector, double sigma, std::uint64_t seed, Parameter parameter) {
+  auto random = stream(seed, parameter);
+  std::normal_distribution<double> each;
+  for (double& coordinate : vector)
+    coordinate = sigma * std::clamp(each(random), -kMostSigmas, kMostSigmas);
+}
+
 }  // namespace
 
 // Viscosity: of an oil at a temperature that is known to a few degrees, and of another batch. Mass
 // and size: electroplated parts under a microscope. Delay, bandwidth: what a step of the current
 // shows at 15 frames/s. Latency, jitter: of an exposure's stamp to the program. Background: the
-// earth's field. The fields' fall with heat: assumed, a third of its size.
+// earth's field. The fields' fall with heat: assumed, a third of its size. Pixel: of a scale read
+// off a target of some 5 mm to a pixel or two. Tilt: a fifth of a degree, of a mounting by hand.
+// Eye: of a place found with the side camera, two of its pixels. Stamp: of a read-out's begin in
+// place of the exposure's middle, what is left of it when that is corrected.
 PlantSigmas PlantSigmas::stated() {
   PlantSigmas sigmas;
   sigmas.viscosity = 0.10;
@@ -55,6 +73,10 @@ PlantSigmas PlantSigmas::stated() {
   sigmas.jitter = 2e-3;
   sigmas.background = 50e-6;
   sigmas.heat_gain = 0.3;
+  sigmas.pixel = 0.005;
+  sigmas.tilt = 3.5e-3;
+  sigmas.eye = 50e-6;
+  sigmas.stamp = 1e-3;
   return sigmas;
 }
 
@@ -69,6 +91,10 @@ void PlantSigmas::check() const {
   relative(coil_bandwidth, "coil_bandwidth_sigma");
   relative(coil_delay, "coil_delay_sigma");
   relative(latency, "latency_sigma");
+  relative(pixel, "pixel_sigma");
+  require_not_negative(tilt, "tilt_sigma");
+  require_not_negative(eye, "eye_sigma");
+  require_not_negative(stamp, "stamp_sigma");
   require_not_negative(heat_gain, "heat.gain_sigma");
   require_not_negative(jitter, "jitter");
   require_not_negative(background, "background_sigma");
@@ -85,7 +111,16 @@ std::vector<std::pair<std::string, double>> PlantSample::named() const {
           {"background_x_T", background.x()},
           {"background_y_T", background.y()},
           {"background_z_T", background.z()},
-          {"heat_gain_factor", heat_gain}};
+          {"heat_gain_factor", heat_gain},
+          {"top_pixel_factor", top_pixel},
+          {"side_pixel_factor", side_pixel},
+          {"tilt_x_rad", tilt.x()},
+          {"tilt_y_rad", tilt.y()},
+          {"side_turn_rad", side_turn},
+          {"eye_x_m", eye.x()},
+          {"eye_y_m", eye.y()},
+          {"eye_z_m", eye.z()},
+          {"stamp_s", stamp}};
 }
 
 PlantSample sample_plant(const PlantSigmas& sigmas, std::uint64_t seed) {
@@ -99,6 +134,12 @@ PlantSample sample_plant(const PlantSigmas& sigmas, std::uint64_t seed) {
   sample.latency = 1 + sigmas.latency * normal(seed, Parameter::latency);
   sample.jitter = sigmas.jitter;
   sample.heat_gain = 1 + sigmas.heat_gain * normal(seed, Parameter::heat_gain);
+  sample.top_pixel = 1 + sigmas.pixel * normal(seed, Parameter::top_pixel);
+  sample.side_pixel = 1 + sigmas.pixel * normal(seed, Parameter::side_pixel);
+  sample.side_turn = sigmas.tilt * normal(seed, Parameter::side_turn);
+  sample.stamp = sigmas.stamp * normal(seed, Parameter::stamp);
+  draw(sample.tilt, sigmas.tilt, seed, Parameter::tilt);
+  draw(sample.eye, sigmas.eye, seed, Parameter::eye);
   // Three coordinates, each with its part of the magnitude.
   auto random = stream(seed, Parameter::background);
   std::normal_distribution<double> each;

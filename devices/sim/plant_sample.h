@@ -26,6 +26,10 @@ struct PlantSigmas {
   double jitter = 0;          // s, of cameras and pose sensor: CameraSettings::jitter at least
   double background = 0;      // T, root mean square of the magnitude
   double heat_gain = 0;       // relative, of CoilBankSettings::gain_temperature_coefficient
+  double pixel = 0;           // relative, of each camera's scale
+  double tilt = 0;            // rad, of the microscope about x and y; of the side camera's turn
+  double eye = 0;             // m, of where the eye stands, each coordinate
+  double stamp = 0;           // s, by which the stamps of exposures are late, of all alike
   /// What a laboratory does not know of its own plant after it has measured what it usually does:
   /// the default of a simulated rig (docs/simulated_laboratory.md has the reason of each).
   static PlantSigmas stated();
@@ -43,6 +47,12 @@ struct PlantSample {
   double jitter = 0;                    // s
   Eigen::Vector3d background{0, 0, 0};  // T
   double heat_gain = 1;
+  double top_pixel = 1;
+  double side_pixel = 1;
+  Eigen::Vector2d tilt{0, 0};    // rad
+  double side_turn = 0;          // rad
+  Eigen::Vector3d eye{0, 0, 0};  // m
+  double stamp = 0;              // s
   /// A name and value of each, for a record.
   std::vector<std::pair<std::string, double>> named() const;
 };

@@ -18,6 +18,7 @@ void CameraSettings::check() const {
           "exposure must be in [0, 1 / frame_rate] s, and at most 0.1 s");
   require(latency >= exposure / 2 && latency < 0.4, "latency must be in [exposure / 2, 0.4) s");
   require(jitter >= 0 && jitter <= 0.1, "jitter must be in [0, 0.1] s");
+  require(std::abs(stamp) <= latency, "stamp must be at most the latency");
   sensor.check();
 }
 
@@ -29,6 +30,7 @@ SimulatedCamera::SimulatedCamera(CameraInfo info, const CameraSettings& settings
       period_(from_seconds(1 / settings.frame_rate)),
       latency_(from_seconds(settings.latency)),
       jitter_(settings.jitter),
+      stamp_(from_seconds(settings.stamp)),
       seed_(seed),
       faults_(faults) {}
 
@@ -111,7 +113,7 @@ Frame SimulatedCamera::grab(Time timeout) {
     }
     if (faults_.late > Time::zero()) wait_until(later(arrives, faults_.late));
     ++statistics_.delivered;
-    return {picture_, count, exposed + faults_.jump,
+    return {picture_, count, exposed + stamp_ + faults_.jump,
             std::max(arrives, later(arrives, faults_.late))};
   }
 }

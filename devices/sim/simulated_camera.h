@@ -20,6 +20,7 @@ struct CameraSettings {
   double latency = 80e-3;
   // s, that come on top: |N(0,1)| times this, below a frame's period; from the seed
   double jitter = 0;
+  double stamp = 0;  // s, by which the stamp is later than the exposure's middle
   Sensor sensor;
   void check() const;  // throws std::invalid_argument naming the parameter
 };
@@ -49,6 +50,7 @@ class SimulatedCamera : public Camera {
   Time period_;
   Time latency_;
   double jitter_;
+  Time stamp_;
   std::uint64_t seed_;
   const ImagingFaults& faults_;
   std::int64_t last_ = -1;

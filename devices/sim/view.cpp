@@ -196,8 +196,9 @@ View plain_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize&
   return view;
 }
 
-View side_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size) {
+View side_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size, double turn) {
   require(pixel > 0, "pixel must be above zero");
+  const Eigen::Matrix2d turned = Eigen::Rotation2Dd(turn).toRotationMatrix();
   View view;
   view.width = size.width;
   view.height = size.height;
@@ -205,9 +206,11 @@ View side_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& 
   // z.
   view.view_from_world << 1, 0, 0, 0, 0, 1, 0, -1, 0;
   for (int v = 0; v < size.height; ++v)
-    for (int u = 0; u < size.width; ++u)
-      view.lines.push_back(
-          to_float({(u - center_px.x()) * pixel, (center_px.y() - v) * pixel, 0, 0}));
+    for (int u = 0; u < size.width; ++u) {
+      const Eigen::Vector2d point =
+          turned * Eigen::Vector2d((u - center_px.x()) * pixel, (center_px.y() - v) * pixel);
+      view.lines.push_back(to_float({point.x(), point.y(), 0, 0}));
+    }
   return view;
 }
 

@@ -61,6 +61,8 @@ optics::Microscope bare_sensor(const optics::System& eye, double focus, double n
 View plain_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size);
 
 /// Looks from the side along +y, orthographic: u along world x, v against world z; `pixel` in m.
-View side_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size);
+/// `turn`: rad, of a camera that stands turned about its line of sight.
+View side_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size,
+               double turn = 0);
 
 }  // namespace vitreo::sim

@@ -32,6 +32,9 @@ constexpr std::array kKeys{Key{"top_camera", "effective_pixel", "top_camera", fa
                            Key{"side_camera", "effective_pixel", "side_camera", false},
                            Key{"model", "coil_delay", "coils", false},
                            Key{"model", "coil_bandwidth", "coils", false},
+                           Key{"model", "drag_along", "coils", false},
+                           Key{"model", "drag_across", "coils", false},
+                           Key{"model", "moment", "coils", false},
                            Key{"model", "calibration", "coils", true}};
 
 std::string full_name(const Key& key) { return std::string(key.table) + "." + key.name; }

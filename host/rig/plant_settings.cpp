@@ -16,13 +16,11 @@ namespace {
 
 constexpr double kPlantMilli = 1e-3;
 
-/// machine = "sampled": all that a laboratory does not know of its plant is drawn. "coils": the
-/// coils' geometry, the moment and the converter's offsets alone, the default until every protocol
-/// is tuned on the other. "nominal": nothing is drawn, and the coils are without what is in no
-/// model. Single
-/// settings beside it still count.
+/// machine = "sampled": all that a laboratory does not know of its plant is drawn. "coils", the
+/// default: the coils' geometry, the moment and the converter's offsets alone. "nominal": nothing
+/// is drawn, and the coils are without what is in no model. Single settings beside it still count.
 void read_machine(ConfigReader& reader, sim::LaboratorySettings& laboratory) {
-  const std::string machine = reader.choice("machine", "coils", {"coils", "sampled", "nominal"});
+  const std::string machine = reader.choice("machine", "coils", {"sampled", "coils", "nominal"});
   laboratory.world.wall_drag = machine == "sampled";
   if (machine == "sampled") {
     laboratory.sigmas = sim::PlantSigmas::stated();
@@ -45,6 +43,10 @@ void read_sigmas(ConfigReader& reader, sim::PlantSigmas& sigmas) {
   relative("coil_delay_sigma", sigmas.coil_delay);
   relative("coil_bandwidth_sigma", sigmas.coil_bandwidth);
   relative("latency_sigma", sigmas.latency);
+  relative("pixel_sigma", sigmas.pixel);
+  sigmas.tilt = reader.number("tilt_sigma", sigmas.tilt, {0, 0.05, "rad"});
+  sigmas.eye = reader.number("eye_sigma", sigmas.eye, {0, 1 * kPlantMilli, "m"});
+  sigmas.stamp = reader.number("stamp_sigma", sigmas.stamp, {0, 0.02, "s"});
   sigmas.jitter = reader.number("jitter", sigmas.jitter, {0, 0.1, "s"});
   sigmas.background =
       reader.number("background_sigma", sigmas.background, {0, 1 * kPlantMilli, "T"});

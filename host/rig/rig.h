@@ -42,6 +42,16 @@ struct KeepOutSettings {
   bool eye_uncertain = false;  // the eye is known no better than thesis table 5.1 says
 };
 
+/// How well a laboratory knows what its localization takes for known: standard deviations, of
+/// errors that stay. The defaults are those that a simulated rig's plant is drawn with
+/// (docs/simulated_laboratory.md).
+struct ViewUncertainty {
+  double size = 0.01;    // relative, of the robot
+  double pixel = 0.005;  // relative, of each camera's scale
+  double tilt = 3.5e-3;  // rad, of each camera against the world
+  double eye = 50e-6;    // m, of the eye's place along each axis
+};
+
 /// The nominal model: what the loop computes with. The real thing (or the simulated one) differs.
 struct RigModel {
   optics::System eye;
@@ -62,6 +72,7 @@ struct RigModel {
   control::Robot robot;
   control::Medium medium;
   KeepOutSettings keep_out;
+  ViewUncertainty uncertainty;
   std::string focus_axis = "z";            // of the stage that carries the sensor, along the light
   std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
 };

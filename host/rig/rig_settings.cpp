@@ -23,6 +23,14 @@ namespace {
 
 constexpr double kMillimeter = 1e-3;
 
+void read_uncertainty(ConfigReader reader, ViewUncertainty& known) {
+  known.size = reader.number("size", known.size, {0, 0.5, ""});
+  known.pixel = reader.number("pixel", known.pixel, {0, 0.5, ""});
+  known.tilt = reader.number("tilt", known.tilt, {0, 0.5, "rad"});
+  known.eye = reader.number("eye", known.eye, {0, 10 * kMillimeter, "m"});
+  reader.finish();
+}
+
 // What the loop believes. The bounds keep a slip of a unit out (5 instead of 5 * mm), not a bad
 // choice. `field` has one value today; it is read so that a rig file can state it.
 void read_model(ConfigReader reader, RigSettings& settings) {
@@ -33,11 +41,16 @@ void read_model(ConfigReader reader, RigSettings& settings) {
   const auto& robots = control::robot_names();
   model.robot = control::robot_named(
       reader.choice("robot", "coni_2mm", std::vector<std::string>(robots.begin(), robots.end())));
+  // Of calibrate_robot: against what outline, volume and medium say.
+  model.robot.drag_along = reader.number("drag_along", 1, {0.1, 10, ""});
+  model.robot.drag_across = reader.number("drag_across", 1, {0.1, 10, ""});
+  model.robot.moment_factor = reader.number("moment", 1, {0.1, 10, ""});
   reader.choice("field", "octomag", {"octomag"});
   settings.field_calibration = reader.text("calibration", "");
   model.command_delay = reader.number("coil_delay", model.command_delay, {0, 0.3, "s"});
   model.command_bandwidth =
       reader.number("coil_bandwidth", model.command_bandwidth, {0.1, 10000, "Hz"});
+  read_uncertainty(reader.table("uncertainty"), model.uncertainty);
   ConfigReader medium = reader.table("medium");
   model.medium.name = medium.text("name", model.medium.name);
   model.medium.density = medium.number("density", model.medium.density, {500, 3000, "kg/m^3"});
@@ -454,6 +467,9 @@ void center_laboratory(RigSettings& settings) {
   laboratory.side_center_px = settings.model.side_center_px;
   laboratory.world.field = laboratory.believed_field = settings.model.field;
   laboratory.world.robot = settings.model.robot;
+  // What was identified of the robot is belief: its truth stays where it was.
+  control::Robot& real = laboratory.world.robot;
+  real.drag_along = real.drag_across = real.moment_factor = 1;
   laboratory.world.medium = settings.model.medium;
   laboratory.world.cavity.vertex = settings.model.eye_in_world;
   laboratory.world.cavity.radius = settings.model.eye.surfaces.front().radius;

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/field_allocator.h"
 
+#include <Eigen/Cholesky>
+
+#include <cmath>
 #include <stdexcept>
 
 namespace vitreo {
@@ -150,6 +153,36 @@ control::BoxAllocation FieldAllocator::within(const control::FieldMatrix& matrix
         "holding the robot against its weight is beyond the limit of the sum of currents here");
   found.limited = found.limited || cut;
   return found;
+}
+
+// x - W' (W W')^-1 W x with the wrench's rows W = [B; F] at the moment that the field makes, rows
+// and columns of unit magnitude; columns of dead coils are zero, and so are their shares.
+control::Currents FieldAllocator::tone(const control::Currents& currents,
+                                       const Eigen::Vector3d& position, double time) const {
+  const Eigen::Index coils = currents.size();
+  control::Currents tone = control::Currents::Zero(coils);
+  if (!(settings_.tone > 0) || coils <= 6) return tone;
+  const Eigen::Vector3d known = model_.field.nearest_valid(position);
+  const control::FieldMatrix matrix = model_.field.matrix(known);
+  const Eigen::Vector3d moment = model_.robot.moment(field_) * settings_.axis;
+  Eigen::Matrix<double, Eigen::Dynamic, 6, 0, control::kMaxCoils, 6> rows(coils, 6);
+  rows.leftCols<3>() = matrix.topRows<3>().transpose();
+  rows.rightCols<3>() = (control::force_from_field(moment) * matrix).transpose();
+  for (Eigen::Index k = 0; k < coils; ++k) {
+    if (!(settings_.limits[k] > 0)) {
+      rows.row(k).setZero();
+      continue;
+    }
+    // An eighth of a turn from coil to coil: no two are in step.
+    tone[k] = settings_.tone *
+              std::sin(2 * M_PI * (kToneRate * time + static_cast<double>(k) / control::kMaxCoils));
+  }
+  rows.colwise().normalize();
+  tone -= rows * (rows.transpose() * rows).ldlt().solve(rows.transpose() * tone);
+  const control::Currents sum = currents + tone;
+  const bool within = (settings_.limits - sum.cwiseAbs()).minCoeff() >= 0;
+  if (!within || total(sum) > settings_.total_limit || !tone.allFinite()) tone.setZero();
+  return tone;
 }
 
 /// Levitation and force are zero: as long as the position is not known, a gradient made for one

@@ -17,6 +17,7 @@ struct AllocatorSettings {
   Eigen::Vector3d axis{1, 0, 0};  // unit, world: the field's direction, taken as the robot's
   control::CurrentLimits limits = control::CurrentLimits::Constant(8, 12);  // A; 0 for a dead coil
   double total_limit = 60;                                                  // A, sum of magnitudes
+  double tone = 0;  // A: amplitude of tone() before it is taken into the null space
 };
 
 struct FieldAllocation {
@@ -43,6 +44,13 @@ class FieldAllocator {
   /// Another direction of the field, unit, world.
   void set_axis(const Eigen::Vector3d& axis) { settings_.axis = axis; }
   double field() const { return field_; }  // T, for which currents are allocated
+  /// Currents to add to `currents` (A) that change neither field nor force at `position`, as
+  /// believed: each coil's share of a tone of kToneRate, in a phase of its own, projected into the
+  /// null space of the allocation. A coil that does not carry its share makes the robot sing
+  /// (control::CoilWatch). Zero where a limit is in the way.
+  control::Currents tone(const control::Currents& currents, const Eigen::Vector3d& position,
+                         double time) const;
+  static constexpr double kToneRate = 1.6;  // Hz
   /// The field without any force, at the workspace's center.
   control::Currents orienting() const;
 

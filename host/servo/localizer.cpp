@@ -132,7 +132,29 @@ void Localizer::from_above(Observation& observation) const {
       observation.ellipse->covariance.topLeftCorner<2, 2>() +
       kModelError_px * kModelError_px * Eigen::Matrix2d::Identity();
   observation.covariance = from_image * observation.covariance * from_image;
+  const ViewUncertainty& known = model_.uncertainty;
+  // Of scale and rotation; what tilts the view moves the image as a whole, and is in its center.
+  const Eigen::Vector2d out = observation.position->head<2>();
+  observation.systematic.setZero();
+  observation.systematic.topLeftCorner<2, 2>() = known.pixel * known.pixel * out * out.transpose();
+  observation.covariance += observation.systematic;
   observation.covariance(2, 2) = kEye * kEye;
+}
+
+/// What stays wrong where the robot's size, the camera's scale and tilt and the eye's place are not
+/// as believed (ViewUncertainty): J diag(sigma^2) J'. A tilt moves what lies above or below the
+/// middle of the workspace, which is in focus, by its angle.
+Eigen::Matrix3d Localizer::systematic_at(const Eigen::Vector3d& position_in_eye) const {
+  const ViewUncertainty& known = model_.uncertainty;
+  Eigen::Matrix3d systematic = known.eye * known.eye * Eigen::Matrix3d::Identity();
+  const double height = position_in_eye.z() + model_.eye_in_world.z();
+  systematic.topLeftCorner<2, 2>() +=
+      std::pow(known.tilt * height, 2) * Eigen::Matrix2d::Identity();
+  const auto moved = optics::pose_sensitivity(pose_, position_in_eye, axis_);
+  if (!moved) return systematic;
+  systematic += known.size * known.size * moved->size * moved->size.transpose();
+  systematic += known.pixel * known.pixel * moved->pixel * moved->pixel.transpose();
+  return systematic;
 }
 
 /// With an uncertain axis by_axis() gives the start and with_axis() the answer; where the second
@@ -154,7 +176,9 @@ void Localizer::localize(Observation& observation) {
   // The model's own error is systematic; as a variance it keeps a filter from trusting the noise
   // alone.
   const double error = kModelError_px * model_.top_image.pixel;
-  observation.covariance = found->covariance + error * error * Eigen::Matrix3d::Identity();
+  observation.systematic = systematic_at(found->position_in_eye);
+  observation.covariance =
+      found->covariance + error * error * Eigen::Matrix3d::Identity() + observation.systematic;
   observation.residual_px = found->residual_px;
   observation.axis = found->axis;
   observation.axis_sigma = found->axis_sigma;
@@ -176,6 +200,9 @@ void join_side(Observation& observation, const SideObservation& side) {
   // Joseph form, (I - K H) P (I - K H)' + K R K': stays symmetric and positive definite.
   const Eigen::Matrix3d left = Eigen::Matrix3d::Identity() - K * H;
   observation.covariance = left * P * left.transpose() + K * side.covariance * K.transpose();
+  // Of both cameras' errors what stays, by the same weights.
+  observation.systematic =
+      left * observation.systematic * left.transpose() + K * side.systematic * K.transpose();
 }
 
 // The side view's direction s, in the plane of x and z, says of the axis a that a.n = 0, n across s

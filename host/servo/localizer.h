@@ -22,9 +22,13 @@ namespace vitreo {
 struct Observation {
   std::optional<vision::EllipseMeasurement> ellipse;  // in the top camera's image
   std::optional<Eigen::Vector3d> position;  // m, world; nothing when not seen or not localized
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // m^2
-  double residual_px = 0;                                // of the pose against the ellipse
-  std::optional<double> pair_skew{};  // s: the side camera's exposure less this one; nothing: alone
+  /// m^2: of all that is uncertain. `systematic` is the part of it that stays from frame to frame:
+  /// no filter averages it away, and a loop reckons with the rest alone (noise()).
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d systematic = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d noise() const { return covariance - systematic; }
+  double residual_px = 0;           // of the pose against the ellipse
+  std::optional<double> pair_skew;  // s: the side camera's exposure less this one; nothing: alone
   std::optional<Eigen::Vector3d> axis{};  // the robot's, unit, world; nothing where not estimated
   double axis_sigma = 0;                  // rad, in each direction across it
 };
@@ -53,6 +57,7 @@ class Localizer {
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
+  Eigen::Matrix3d systematic_at(const Eigen::Vector3d& position_in_eye) const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
                                  const Eigen::Vector3d& start_in_eye) const;
 
@@ -66,7 +71,8 @@ class Localizer {
 
 /// Two orthogonal cameras: the position that fits both best, each weighted by its covariance
 /// (least squares). The side camera measures x and z; what z says about x and y along the top
-/// camera's line of sight is in the covariance. An observation without a position stays so: one
+/// camera's line of sight is in the covariance: a robot that is larger than believed is nearer for
+/// one of them, not for both. An observation without a position stays so: one
 /// side view is not enough. Both in the world frame.
 void join_side(Observation& observation, const SideObservation& side);
 

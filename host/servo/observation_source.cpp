@@ -102,8 +102,9 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_pose(Time 
   const Frame stamps{{}, reading.number, reading.exposed, reading.received};
   if (!validator_.plausible(stamps)) return std::nullopt;
   validator_.must_change(reading.position);
-  ObservedFrame found{
-      stamps, {{}, validator_.finite(reading.position), reading.covariance, 0, std::nullopt}};
+  ObservedFrame found{stamps, {}};
+  found.observation.position = validator_.finite(reading.position);
+  found.observation.covariance = reading.covariance;
   found.observation.axis = reading.axis;
   found.observation.axis_sigma = kPoseAxisSigma;
   if (rehearsed_ && found.observation.position)

@@ -42,6 +42,13 @@ SideObservation side_observation(const RigModel& model, Time exposed,
     side.direction = Eigen::Vector2d(std::cos(seen.ellipse.angle), -std::sin(seen.ellipse.angle));
     side.direction_sigma = std::hypot(sigma, std::sqrt(seen.covariance(4, 4)));
   }
+  // A scale moves along the way out from the center, a turn of the camera across it.
+  const Eigen::Vector2d out = side.position;
+  const Eigen::Vector2d across(-out.y(), out.x());
+  const ViewUncertainty& known = model.uncertainty;
+  side.systematic = known.pixel * known.pixel * out * out.transpose() +
+                    known.tilt * known.tilt * across * across.transpose();
+  side.covariance += side.systematic;
   return side;
 }
 
@@ -95,6 +102,10 @@ std::optional<SideObservation> SideObservationBuffer::between(Time exposed) cons
   view.direction = last->direction;
   view.direction_sigma = last->direction_sigma;
   view.covariance = (1 - w) * (1 - w) * before->covariance + w * w * last->covariance;
+  // What stays is the same in both: it is not averaged.
+  const Eigen::Matrix2d stays = (1 - w) * before->systematic + w * last->systematic;
+  view.covariance += stays - (1 - w) * (1 - w) * before->systematic - w * w * last->systematic;
+  view.systematic = stays;
   return view;
 }
 

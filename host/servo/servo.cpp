@@ -55,6 +55,7 @@ ControllerSettings controller_settings(const Rig& rig, const ServoSettings& give
   loop.limits = limits_of(rig, given.dead_coils);
   loop.total_limit = rig.coils->total_limit();
   loop.period = period;
+  loop.tone = given.coil_tone;
   // Without a lens there are no walls to know of.
   loop.wall_drag = given.wall_drag && rig.model.eye.size() > 2;
   loop.field_max = given.field_max.value_or(
@@ -130,7 +131,7 @@ const char* to_string(ServoState state) {
 /// All of the loop's state. Its task and the script's calls hold the clock's one baton in turn,
 /// which changes hands only where one of them waits, so no lock is needed.
 struct Servo::Loop {
-  enum class Mode { holding, following, released };
+  enum class Mode { holding, following, released, falling };
 
   /// Source and controller check their own settings and throw naming them.
   Loop(Clock& the_clock, Rig& the_rig, Recorder& the_recorder, ServoCameras given_cameras,
@@ -200,6 +201,7 @@ struct Servo::Loop {
   /// A path that was given between two frames begins with the next one.
   void begin(double now) {
     attitude.begin(now);
+    begin_fall(now);
     if (!starting) return;
     reference.begin = now;
     starting = false;
@@ -211,6 +213,19 @@ struct Servo::Loop {
       if (rotating->shows_axis()) source.expect_axis(rotating->state().rotation.axis);
     } else if (attitude.active()) {
       source.expect_axis(attitude.wanted(to_seconds(status.time) + source.period()));
+    }
+  }
+
+  /// A fall begins and ends with a turn: the times are those of its commands.
+  void begin_fall(double now) {
+    if (mode != Mode::falling) return;
+    if (!fall.begun) {
+      fall.off = now;
+      fall.begun = true;
+    } else if (now - fall.off >= fall.duration) {
+      fall.on = now;
+      fall.over = true;
+      mode = Mode::holding;
     }
   }
 
@@ -233,7 +248,7 @@ struct Servo::Loop {
     status.clearance.reset();
     status.position = observation.position;
     if (observation.position)
-      status.clearance = surface.at(*observation.position, observation.covariance);
+      status.clearance = surface.at(*observation.position, observation.noise());
   }
 
   /// Alarms: inside the margin, and pushed against a wall that the position does not show. In that
@@ -289,7 +304,7 @@ struct Servo::Loop {
     std::optional<control::PositionMeasurement> measured;
     if (observation.position)
       measured = control::PositionMeasurement{to_seconds(frame.exposed), *observation.position,
-                                              observation.covariance};
+                                              observation.noise()};
     attitude.observe(frame.exposed, observation);
     // The field set now acts after the coils' delay.
     if (attitude.active()) {
@@ -317,6 +332,7 @@ struct Servo::Loop {
   /// Released, the field follows the robot, except where no camera is in the loop: then the
   /// currents stay as they are (thesis 6.1, case a).
   ControlMode control_mode() const {
+    if (mode == Mode::falling) return ControlMode::off;
     if (mode != Mode::released) return ControlMode::follow;
     if (settings.feedback == Feedback::none) return ControlMode::constant;
     return canceling ? ControlMode::cancel : ControlMode::leave;
@@ -339,8 +355,38 @@ struct Servo::Loop {
     report(step.inconsistent, was_inconsistent,
            "the robot does not move as the loop's filter expects: its innovations are more than "
            "twice as large as it says");
+    report_quality(step.quality);
     report(step.passed_over, was_passed_over,
            "a measurement was passed over: not a number, out of order, or a leap");
+  }
+
+  /// What is wrong with the control: an event "control" when it begins, and an alarm of that name.
+  void report_quality(const LoopQuality& now) {
+    const auto report = [this](bool is, bool was, const char* name, const std::string& what) {
+      if (!is || was) return;
+      recorder.event(clock.now(), "control", std::string(name) + ": " + what);
+      recorder.alarm(clock.now(), name, AlarmPriority::medium, what);
+    };
+    report(now.oscillating, quality.oscillating, "oscillation",
+           fmt::format("the robot goes to and fro about its target by {} in {}",
+                       format_quantity(now.amplitude, "m"), format_quantity(now.period, "s")));
+    report(now.standing, quality.standing, "standstill",
+           "the robot is told to move and stands: it is held, or at a wall");
+    report(now.capped, quality.capped, "speed cap",
+           "for seconds the robot has been farther away than the largest speed of the feedback "
+           "makes good");
+    report(now.clamped, quality.clamped, "disturbance clamp",
+           "what pushes the robot is more than a free robot shows: it is held fast, or the field "
+           "is not as commanded");
+    report(now.weak_coil != 0, quality.weak_coil == now.weak_coil, "weak coil",
+           fmt::format("coil {} seems to carry {:.0f} % of what it is given", now.weak_coil,
+                       100 * std::max(0.0, 1 - now.lack)));
+    worst.oscillating |= now.oscillating;
+    worst.standing |= now.standing;
+    worst.capped |= now.capped;
+    worst.clamped |= now.clamped;
+    if (now.weak_coil != 0) worst.weak_coil = now.weak_coil;
+    quality = now;
   }
 
   void send(const control::Currents& wanted) {
@@ -413,6 +459,7 @@ struct Servo::Loop {
     mode = wanted;
     let_go = false;
     corrections.clear();
+    worst = {};
     allow_touch(settings.may_touch);
   }
 
@@ -475,6 +522,15 @@ struct Servo::Loop {
   bool may_touch = false;
   bool was_kept_out = false;
   bool was_inside = false;
+  LoopQuality quality;  // of the last turn
+  LoopQuality worst;    // of all since the last goal
+  struct {
+    double duration = 0;  // s
+    double off = 0;       // s, of the command
+    double on = 0;        // s, of the first command after it
+    bool begun = false;
+    bool over = true;
+  } fall;
   Time last_seen{};
   ServoStatus status;
   Signal ticked;
@@ -597,6 +653,25 @@ Eigen::Vector3d Servo::mean_correction(double duration) const {
 std::optional<ServoMargins> Servo::margins() const { return loop_->controller.margins(); }
 
 double Servo::margin() const { return loop_->surface.margin(); }
+/// Throws std::invalid_argument for a duration out of bounds, std::logic_error for a law that would
+/// not know of the fall.
+void Servo::let_fall(double duration) {
+  constexpr double kLongest = 1;  // s
+  if (!(duration > 0 && duration <= kLongest))
+    throw std::invalid_argument("duration: wants more than 0 s and at most " +
+                                format_quantity(kLongest, "s"));
+  if (loop_->settings.law != ControlLaw::estimator)
+    throw std::logic_error("let_fall: only the law \"estimator\" reckons with a fall");
+  loop_->fall = {duration, 0, 0, false, false};
+  loop_->mode = Loop::Mode::falling;
+}
+
+std::optional<std::pair<double, double>> Servo::last_fall() const {
+  if (!loop_->fall.over || !loop_->fall.begun) return std::nullopt;
+  return std::pair{loop_->fall.off, loop_->fall.on};
+}
+
+LoopQuality Servo::quality() const { return loop_->worst; }
 
 /// The next frame with an image takes it; a caption that is still waiting is replaced.
 void Servo::snapshot(const std::string& caption) { loop_->wanted_picture = caption; }

@@ -18,6 +18,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace vitreo {
 
@@ -98,6 +99,14 @@ class Servo {
   /// measured.
   std::optional<ServoMargins> margins() const;
   double margin() const;  // m, that the robot's surface keeps from retina and lens
+  /// Switches the coils off for `duration` (s), from the next turn on, and holds the robot again
+  /// where it was to be: what it sinks meanwhile is weight over drag, of no field model. Throws
+  /// std::invalid_argument for more than 1 s, std::logic_error for another law than the estimator.
+  void let_fall(double duration);
+  /// s, of the run's clock: the commands between which the robot fell last; nothing while it falls.
+  std::optional<std::pair<double, double>> last_fall() const;
+  /// What was wrong with the control since the last goal was given.
+  LoopQuality quality() const;
   /// Puts the next frame, with the tracked ellipse, the trail and the target drawn on it, into the
   /// record.
   void snapshot(const std::string& caption);

@@ -71,9 +71,10 @@ ServoController::ServoController(const RigModel& model, const ControllerSettings
       drag_(control::resistance(model.robot, model.medium, settings.axis)),
       mobility_(drag_.inverse()),
       allocator_(model_, {settings.field, std::max(settings.field, settings.field_max),
-                          settings.axis, settings.limits, settings.total_limit}),
+                          settings.axis, settings.limits, settings.total_limit, settings.tone}),
       pd_(settings.gains),
-      velocity_(settings.velocity) {
+      velocity_(settings.velocity),
+      watch_(model_) {
   require(settings.period > 0, "period: must be above 0 s");
   require(!settings.wall_drag || model.eye.size() > 2,
           "wall_drag: needs an eye with a lens in the rig's model");
@@ -94,6 +95,9 @@ ControlStep ServoController::step(double now,
   else if (taken)
     steer(step, now, *measured, path, mode);
   if (mode == ControlMode::constant) allocate(step, trim_position_, trim_);
+  if (mode == ControlMode::off) step.currents.setZero(model_.field.coils());
+  if (taken) watch(*measured, path, mode);
+  step.quality = watch_.quality();
   return step;
 }
 
@@ -115,6 +119,8 @@ bool ServoController::take(double now, const control::PositionMeasurement& measu
   const double since = sound.time - std::exchange(estimated_, sound.time);
   const bool used = estimator_->measure(sound);
   if (used && estimator_->innovation()) innovations_.add(*estimator_->innovation(), since);
+  if (used && by_law)
+    watch_.measured(sound.time, *estimator_, ahead_.delay, !estimator_->innovation().has_value());
   return used || !by_law;
 }
 
@@ -161,14 +167,17 @@ void ServoController::predict(ControlStep& step, double now, const ReferencePath
   if (!ahead) return;
   const control::Reference reference = control::held_reference(path, then, settings_.period);
   plan(*ahead, mode == ControlMode::follow ? reference.velocity.norm() : 0);
+  if (mode == ControlMode::off) return let_go(step, now, ahead->position);
   const Eigen::Matrix3d drag = drag_at(ahead->position);
   const Eigen::Matrix3d mobility = settings_.wall_drag ? drag.inverse() : mobility_;
   // Force and velocity are one thing in Stokes flow: f = R v, v = R^-1 f. The trim is a force.
   const Eigen::Vector3d trimmed = mobility * trim_;
   Eigen::Vector3d velocity = trimmed;
+  bool capped = false;
   if (mode == ControlMode::follow) {
     control::ServoGains gains = tuning_->gains;
     gains.proportional = schedule_.proportional;
+    capped = gains.proportional * (reference.position - ahead->position).norm() > gains.max_speed;
     velocity = control::servo_velocity(gains, reference, *ahead);
     step.correction = velocity - reference.velocity - trimmed;
   } else if (mode == ControlMode::cancel) {
@@ -180,7 +189,46 @@ void ServoController::predict(ControlStep& step, double now, const ReferencePath
   step.inconsistent = innovations_.normalized() > kInconsistent;
   allocator_.choose(ahead->position, drag * velocity, settings_.period);
   // Anti-windup: the filter's input u is the velocity that the limits left, not the one asked for.
-  estimator_->command(now, mobility * allocate(step, ahead->position, drag * velocity));
+  step.commanded = mobility * allocate(step, ahead->position, drag * velocity);
+  estimator_->command(now, step.commanded);
+  if (!step.limited) step.currents += allocator_.tone(step.currents, ahead->position, now);
+  watch_command(step, now, mobility, capped);
+}
+
+/// Without current the robot sinks: that is the filter's input, as before the first command.
+void ServoController::let_go(ControlStep& step, double now, const Eigen::Vector3d& position) {
+  const double weight = model_.robot.net_weight(model_.medium);
+  step.currents.setZero(model_.field.coils());
+  step.commanded = drag_at(position).inverse() * Eigen::Vector3d(0, 0, -weight);
+  estimator_->command(now, step.commanded);
+  watch_command(step, now, mobility_, false);
+}
+
+void ServoController::watch_command(const ControlStep& step, double now,
+                                    const Eigen::Matrix3d& mobility, bool capped) {
+  constexpr double kAtClamp = 0.99;
+  const bool clamped = ahead_.disturbance.norm() > kAtClamp * tuning_->estimator.max_disturbance;
+  watch_.commanded({now, step.currents, ahead_.position, mobility, capped, clamped});
+}
+
+/// Position against target, whatever the law. Of velocity control, whose robot stands for long
+/// until the medium yields, standing is no fault; nor is it of one that is left alone.
+void ServoController::watch(const control::PositionMeasurement& measured, const ReferencePath& path,
+                            ControlMode mode) {
+  if (mode != ControlMode::follow) return;
+  const control::Reference target = path.at(measured.time);
+  control::WatchedMotion motion;
+  motion.time = measured.time;
+  motion.position = measured.position;
+  motion.error = measured.position - target.position;
+  motion.sigma = std::sqrt(measured.covariance.trace() / 3);
+  if (settings_.law == ControlLaw::estimator && tuning_) {
+    const Eigen::Vector3d pull = -schedule_.proportional * motion.error;
+    const double speed = pull.norm();
+    motion.wanted =
+        target.velocity + pull * std::min(1.0, tuning_->gains.max_speed / std::max(speed, 1e-12));
+  }
+  watch_.moved(motion);
 }
 
 /// The schedule of this step (control::schedule). A reference that has stopped counts for some
@@ -300,6 +348,7 @@ void ServoController::reset() {
   velocity_.reset();
   estimator_.reset();
   innovations_.reset();
+  watch_.reset();
   changes_ = {};
   last_commanded_.setZero();
   last_measured_ = -1e9;

@@ -8,10 +8,11 @@
 #include "control/loop_margins.h"
 #include "control/pd.h"
 #include "control/servo_law.h"
-#include "control/trajectory.h"
 #include "control/velocity_control.h"
 #include "host/rig/rig.h"
+#include "host/servo/controller_settings.h"
 #include "host/servo/field_allocator.h"
+#include "host/servo/loop_watch.h"
 
 #include <Eigen/Core>
 
@@ -20,44 +21,6 @@
 
 namespace vitreo {
 class RobotClearance;
-
-/// pd: the thesis' (6.2). estimator: Kalman filter, prediction over the loop's latency, disturbance
-/// compensated. velocity: for media that yield (7.3). rotating: of RotatingController.
-enum class ControlLaw { pd, estimator, velocity, rotating };
-const char* to_string(ControlLaw law);
-/// Throws std::invalid_argument with the names there are; rotating has none.
-ControlLaw control_law_named(const std::string& name);
-
-/// follow: to the reference. cancel: only the disturbance is compensated (estimator only). leave:
-/// field and levitation computed where the robot is, its position left alone. constant: the one set
-/// of currents of the position where the trim was found.
-enum class ControlMode { follow, cancel, leave, constant };
-
-/// A trajectory and when it begins.
-struct ReferencePath {
-  control::Trajectory path = control::Trajectory::hold_at(Eigen::Vector3d::Zero());
-  double begin = 0;  // s
-  control::Reference at(double time) const { return path.at(time - begin); }
-};
-
-struct ControllerSettings {
-  double field = 10e-3;  // T
-  double field_max = 0;  // T: the law estimator may raise the field so far; 0: it does not
-  // Unit, world: the commanded field's direction, taken as the robot's.
-  Eigen::Vector3d axis{1, 0, 0};
-  ControlLaw law = ControlLaw::pd;
-  control::PdGains gains;  // of pd
-  // Of estimator, 1/s and m/s (of the feedback alone); nothing: tuned from latency, drag, weight
-  // and instability, and scheduled by what is known of the loop.
-  std::optional<double> proportional{};
-  std::optional<double> max_speed{};
-  control::VelocityGains velocity;                                          // of velocity
-  control::CurrentLimits limits = control::CurrentLimits::Constant(8, 12);  // A; 0 for a dead coil
-  double total_limit = 60;                                                  // A, sum of magnitudes
-  double period = 1 / 15.0;  // s, between measurements
-  // Faxen's factors for retina and lens, where the robot is; else the free drag everywhere.
-  bool wall_drag = false;
-};
 
 struct ControlStep {
   control::Currents currents;                         // A; empty when the position is not known
@@ -73,6 +36,9 @@ struct ControlStep {
   // The filter: gain or delay met its bound; its innovations have long been larger than it says.
   bool at_bound = false;
   bool inconsistent = false;
+  // m/s, law estimator: the believed velocity of the currents, after the limits, beyond levitation.
+  Eigen::Vector3d commanded{0, 0, 0};
+  LoopQuality quality;
 };
 
 /// How far the law estimator's loop is from oscillating, with the gains of its last step, and what
@@ -118,6 +84,11 @@ class ServoController {
 
  private:
   static constexpr double kInnovationMemory = 10;  // s
+  void watch(const control::PositionMeasurement& measured, const ReferencePath& path,
+             ControlMode mode);
+  void watch_command(const ControlStep& step, double now, const Eigen::Matrix3d& mobility,
+                     bool capped);
+  void let_go(ControlStep& step, double now, const Eigen::Vector3d& position);
   void tune(double now, const control::PositionMeasurement& first);
   bool take(double now, const control::PositionMeasurement& measured);
   void predict(ControlStep& step, double now, const ReferencePath& path, ControlMode mode);
@@ -144,8 +115,9 @@ class ServoController {
   control::ServoSchedule schedule_;  // of the last step
   control::ServoChanges changes_;
   Eigen::Vector3d last_commanded_{0, 0, 0};  // m/s behind the lag, at the last step
-  double last_measured_ = -1e9;              // s
-  double estimated_ = -1e9;                  // s, of the filter\'s last measurement
+  LoopWatch watch_;
+  double last_measured_ = -1e9;  // s
+  double estimated_ = -1e9;      // s, of the filter\'s last measurement
 };
 
 }  // namespace vitreo

@@ -160,7 +160,10 @@ StreamInfo servo_stream(const std::string& source) {
 StreamInfo estimate_stream() {
   const char* const kPlace = "position as the filter knows it at that moment";
   const char* const kPushes = "velocity that the model does not explain";
-  const char* const kSigma = "standard deviation of the position";
+  const char* const kSigma =
+      "standard deviation of the position, with what stays of the view's errors";
+  const char* const kCommanded =
+      "velocity of the commanded currents as it is believed, beyond levitation";
   return {"estimate",
           "the loop's estimator: place now, and the velocity that the model does not know of",
           {{"x", "m", kPlace, kWorld},
@@ -171,7 +174,10 @@ StreamInfo estimate_stream() {
            {"disturbance_z", "m/s", kPushes, kWorld},
            {"sigma_x", "m", kSigma, kWorld},
            {"sigma_y", "m", kSigma, kWorld},
-           {"sigma_z", "m", kSigma, kWorld}},
+           {"sigma_z", "m", kSigma, kWorld},
+           {"commanded_x", "m/s", kCommanded, kWorld},
+           {"commanded_y", "m/s", kCommanded, kWorld},
+           {"commanded_z", "m/s", kCommanded, kWorld}},
           kSetPoint};
 }
 
@@ -241,6 +247,19 @@ Eigen::Vector3d field_at(const RigModel& model, const Eigen::Vector3d& position,
   return (model.field.matrix(position) * amperes + model.field.background(position)).head<3>();
 }
 
+/// In the order of estimate_stream(). The sigmas are with the localization's errors that stay,
+/// which the filter does not know of.
+std::array<double, 12> estimate_row(const ControlStep& step, const Observation& observation) {
+  const control::PositionEstimate& known = *step.estimate;
+  const Eigen::Vector3d& p = known.position;
+  const Eigen::Vector3d pushed = known.unexplained();
+  const Eigen::Vector3d s =
+      (known.covariance.diagonal().head<3>() + observation.systematic.diagonal()).cwiseSqrt();
+  const Eigen::Vector3d& u = step.commanded;
+  return {p.x(), p.y(), p.z(), pushed.x(), pushed.y(), pushed.z(),
+          s.x(), s.y(), s.z(), u.x(),      u.y(),      u.z()};
+}
+
 /// The stream of that name, which a second loop of the same run shares.
 /// Streams are found by name, as a loop has no other trace of the one before it.
 int stream_of(Recorder& recorder, const StreamInfo& info) {
@@ -286,14 +305,8 @@ void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
   recorder_.sample(commands_, now,
                    std::array{field.x(), field.y(), field.z(), axis_.x(), axis_.y(), axis_.z(),
                               step.currents.size() > 0 ? step.field : std::nan("")});
-  if (estimates_ >= 0 && step.estimate) {
-    const control::PositionEstimate& known = *step.estimate;
-    const Eigen::Vector3d pushed = known.unexplained();
-    const Eigen::Vector3d s = known.covariance.diagonal().head<3>().cwiseSqrt();
-    recorder_.sample(estimates_, now,
-                     std::array{known.position.x(), known.position.y(), known.position.z(),
-                                pushed.x(), pushed.y(), pushed.z(), s.x(), s.y(), s.z()});
-  }
+  if (estimates_ >= 0 && step.estimate)
+    recorder_.sample(estimates_, now, estimate_row(step, observation));
   if (!observation.ellipse) return;
   trail_.push_back(observation.ellipse->ellipse.center_px);
   if (trail_.size() > kTrail) trail_.pop_front();

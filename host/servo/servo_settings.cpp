@@ -51,6 +51,8 @@ void ServoSettings::check() const {
     throw std::invalid_argument("field_max must be in [field, 40 mT]");
   if (!(std::abs(axis.norm() - 1) < 1e-6))
     throw std::invalid_argument("axis must be a unit vector");
+  if (!(coil_tone >= 0 && coil_tone <= 2))
+    throw std::invalid_argument("coil_tone must be in [0, 2] A");
   if (!(lost_timeout > 0 && lost_timeout <= 10))
     throw std::invalid_argument("lost_timeout must be in (0, 10] s");
   gains.check();

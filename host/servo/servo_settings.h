@@ -53,6 +53,8 @@ struct ServoSettings {
   control::VelocityGains velocity;       // of the law velocity
   RotatingSettings rotating;             // of the law rotating
   std::vector<int> dead_coils;           // channels from 1, besides the rig's own
+  /// A, of the law estimator: amplitude of the currents that tell a weak coil (ControllerSettings).
+  double coil_tone = 0.6;
   /// s without a measurement before the loop lets go: zero current until it is given a goal again.
   double lost_timeout = 1.0;
   /// rad, standard deviation of the robot's axis about the commanded field; 0: it lies along the

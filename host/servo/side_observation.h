@@ -14,7 +14,8 @@ namespace vitreo {
 struct SideObservation {
   Time exposed{};  ///< of its frame; of one between frames the moment that was asked for
   Eigen::Vector2d position{0, 0};                        // m
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // m^2
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // m^2, of all that is uncertain
+  Eigen::Matrix2d systematic = Eigen::Matrix2d::Zero();  // m^2, the part of it that stays
   /// The robot's long axis as it shows, unit, x and z; nothing where its outline is round.
   std::optional<Eigen::Vector2d> direction{};
   double direction_sigma = 0;  // rad

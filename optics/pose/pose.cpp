@@ -234,6 +234,33 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
   return estimate;
 }
 
+/// The image of a body that is larger by e has axes larger by e, to first order; that of a camera
+/// whose pixels are larger by e is smaller by e about its center. The estimator answers by its gain
+/// G = (J^T J)^-1 J^T D, as in propagate().
+std::optional<PoseSensitivity> pose_sensitivity(const PoseSettings& settings,
+                                                const Eigen::Vector3d& position_in_eye,
+                                                const Eigen::Vector3d& axis_in_eye) {
+  const auto shown = project_spheroid(settings, position_in_eye, axis_in_eye);
+  if (!shown) return std::nullopt;
+  const EllipseResidual residual(settings, *shown, unit_axis(axis_in_eye));
+  const AutoDiff function(residual);
+  const Eigen::Vector3d position_mm = position_in_eye * kMmPerM;
+  EllipseVector terms;
+  Jacobian jacobian;
+  if (!function(position_mm.data(), terms.data(), jacobian.data())) return std::nullopt;
+  const Eigen::FullPivLU<Eigen::Matrix3d> information(jacobian.transpose() * jacobian);
+  if (!information.isInvertible()) return std::nullopt;
+  EllipseVector larger = EllipseVector::Zero();
+  larger.segment<2>(2) = shown->segment<2>(2);
+  EllipseVector finer = -*shown;
+  finer.head<2>() += settings.image.center_px;
+  finer[4] = 0;
+  const auto moved = [&](const EllipseVector& change) -> Eigen::Vector3d {
+    return information.solve(jacobian.transpose() * change) / kMmPerM;
+  };
+  return PoseSensitivity{moved(larger), moved(finer)};
+}
+
 /// The shown size sqrt(a b) grows with z along the line of sight of the ellipse's center; bisection
 /// for the observed size.
 /// A fifth of tolerance at both ends, as an outline of few pixels on the retina may come out

@@ -37,6 +37,20 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
                                    const Eigen::Vector3d& axis_in_eye,
                                    const Eigen::Vector3d& start_in_eye);
 
+/// m per unit: how the position that `locate` finds moves where something that it takes for known
+/// is other than believed, to first order: both lie along the line of sight, and the second across
+/// it too. What the errors of a stated size or scale do to a position, beside
+/// PoseEstimate::covariance.
+struct PoseSensitivity {
+  Eigen::Vector3d size{0, 0, 0};   // the body larger by 1 of its size
+  Eigen::Vector3d pixel{0, 0, 0};  // the pixel larger by 1 of its width
+};
+/// At a position and axis that were found. Nothing where the position has no image or a direction
+/// is not observed. Throws std::invalid_argument naming a bad argument.
+std::optional<PoseSensitivity> pose_sensitivity(const PoseSettings& settings,
+                                                const Eigen::Vector3d& position_in_eye,
+                                                const Eigen::Vector3d& axis_in_eye);
+
 /// A start for `locate` without a previous estimate: the center's line of sight, the depth at which
 /// the size fits. An ellipse somewhat too small or too large for any depth gives the nearest end;
 /// nothing when it is off by more than a fifth, or outside the projection. Throws

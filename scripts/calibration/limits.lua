@@ -9,12 +9,13 @@ limits.pixel = 0.02 -- by which a pixel may differ from what is believed, relati
 limits.rotation = 1 * deg
 limits.residual_px = 0.5 -- rms, that a camera's fit may leave
 limits.distortion = 0.01 -- at the grid's corner, relative
-limits.delay = 20 * ms -- by which the coils' delay may differ from what is believed
+limits.delay = 30 * ms -- by which the coils' delay may differ from what is believed: three sigmas of the simulated plant's
 limits.bandwidth = { 1, 1000 } -- Hz
 limits.age = 0.4 * s -- of a frame when it arrives
 limits.field = 0.01 -- that the field's fit may leave, relative
 limits.field_largest = 1 * mT
 limits.background = 500 * uT
+limits.robot = { least = 0.4, most = 2.5, sigma = 0.15 } -- of drag and moment, over what outline and volume say
 limits.grid = 3 * mm -- half the width of the cameras' grid
 
 --- A camera's fit (calibrations.camera) against what is believed of it; `own`: pixel, residual_px.

@@ -173,7 +173,7 @@ class Laboratory {
     const auto begin = std::chrono::steady_clock::now();
     const Observation seen = localizer_->look(frame.image);
     std::optional<control::PositionMeasurement> measured;
-    if (seen.position) measured = {to_seconds(frame.exposed), *seen.position, seen.covariance};
+    if (seen.position) measured = {to_seconds(frame.exposed), *seen.position, seen.noise()};
     const ControlStep step =
         chain_->step(to_seconds(clock_->now()), measured, {}, ControlMode::follow);
     const double took =

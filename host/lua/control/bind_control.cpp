@@ -8,7 +8,8 @@ namespace vitreo::lua {
 const std::vector<Binding>& control_functions() {
   static const std::vector<Binding> functions = [] {
     std::vector<Binding> all = trajectory_functions();
-    for (auto rows : {law_functions(), field_functions(), field_fit_functions()})
+    for (auto rows :
+         {law_functions(), field_functions(), field_fit_functions(), identification_functions()})
       for (Binding& row : rows) all.push_back(std::move(row));
     return all;
   }();

@@ -46,6 +46,7 @@ std::vector<Binding> trajectory_functions();
 std::vector<Binding> law_functions();
 std::vector<Binding> field_functions();
 std::vector<Binding> field_fit_functions();
+std::vector<Binding> identification_functions();
 /// A method of field_model.
 Binding field_text_row();
 

@@ -259,6 +259,9 @@ std::vector<Argument> servo_options() {
            .type = Type::flag,
            .optional = true,
            .help = "reckon with the drag that retina and lens add (false)"},
+          number("coil_tone", "A", 0, 2,
+                 "amplitude of the currents, without field or force, by which the law estimator "
+                 "tells a weak coil (0.6 A)"),
           number("lost_timeout", "s", 0, 10,
                  "how long the robot may be unseen before the coils go to zero (1 s)")};
 }

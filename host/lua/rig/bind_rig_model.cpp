@@ -55,6 +55,13 @@ int rig_model(Call& call) {
                    .number("half_length", model.robot.semi_axis, "m")
                    .number("radius", model.robot.semi_radius, "m");
              })
+      .table("identified",
+             [&](ResultTable& robot) {
+               robot.number("drag_along", model.robot.drag_along)
+                   .number("drag_across", model.robot.drag_across)
+                   .number("moment", model.robot.moment_factor)
+                   .flag("hard", model.robot.hard);
+             })
       .text("robot_name", model.robot.name)
       .text("focus_axis", model.focus_axis)
       .number("command_delay", model.command_delay, "s")
@@ -81,6 +88,13 @@ Returned model_fields() {
             "",
             "a body, as the localizer takes it",
             {{"shape", "", ""}, {"half_length", "m", ""}, {"radius", "m", ""}}},
+           {"identified",
+            "",
+            "of the robot, by calibrate_robot: factors of what outline and volume say",
+            {{"drag_along", "", ""},
+             {"drag_across", "", ""},
+             {"moment", "", ""},
+             {"hard", "", "whether it is a permanent magnet"}}},
            {"robot_name", "", ""},
            {"focus_axis", "", "name of the stage's axis that moves the sensor along the light"},
            {"command_delay", "s", "of the coils"},

@@ -139,6 +139,7 @@ ServoSettings settings_of(const Call& call) {
   settings.axis_sigma = call.number_option("axis_uncertainty");
   settings.wall_drag = call.flag_option("wall_drag", settings.wall_drag);
   settings.may_touch = call.flag_option("touch", settings.may_touch);
+  settings.coil_tone = call.number_option("coil_tone").value_or(settings.coil_tone);
   for (const double channel : call.numbers_option("dead_coils").value_or(std::vector<double>{}))
     settings.dead_coils.push_back(channel_of(channel));
   if (const auto axis = call.vector_option("axis")) settings.axis = axis->normalized();
@@ -225,6 +226,19 @@ Returned clearance_fields() {
       .or_nil("while the robot is not seen, and in an eye without a lens");
 }
 
+Returned quality_fields() {
+  return {"table",
+          {{"good", "", "whether nothing of the below was so"},
+           {"oscillating", "", "the robot went to and fro about its target"},
+           {"standing", "", "it was told to move and stood"},
+           {"capped", "", "the feedback asked for its largest speed for more than 3 s"},
+           {"clamped", "", "what pushed it was at its bound for more than 3 s"},
+           {.name = "weak_coil",
+            .help = "the coil that carried less than it was given; nil: none",
+            .optional = true},
+           {"verdict", "", "good, or the names of what was wrong"}}};
+}
+
 /// What the loop is asked, and what it is waited for. 30 s of corrections are what it keeps, which
 /// bounds the duration of their mean.
 std::vector<Binding> listening_rows() {
@@ -261,6 +275,12 @@ std::vector<Binding> listening_rows() {
            "known of its place",
            clearance,
            "servo:clearance()"},
+          {"quality",
+           {},
+           quality_fields(),
+           "what was wrong with the control since the last goal was given",
+           quality,
+           "servo:quality()"},
           {"wait_until_tracked",
            {options_of({{.name = "timeout",
                          .type = Type::number,
@@ -319,6 +339,15 @@ std::vector<Binding> steering_rows() {
        "holds a place from now on; does not wait",
        hold,
        "servo:hold({ 0, 0, 0 })"},
+      {"let_fall",
+       {{.name = "duration", .type = Type::number, .unit = "s", .min = 0.05, .max = 1}},
+       {"table",
+        {{"off", "s", "when the coils were switched off"},
+         {"on", "s", "when they were given currents again"}}},
+       "switches the coils off for a moment and holds the robot again where it was to be; waits "
+       "for the moment's end (law estimator)",
+       let_fall,
+       "servo:let_fall(0.3 * s)"},
       {"release",
        {options_of({{.name = "cancel",
                      .type = Type::flag,

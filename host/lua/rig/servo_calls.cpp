@@ -307,6 +307,48 @@ int servo_calls::clearance(Call& call) {
   return 1;
 }
 
+// "good", or what was wrong, by the names of the alarms.
+int servo_calls::quality(Call& call) {
+  const LoopQuality found = call.self<Servo>().quality();
+  std::string verdict;
+  const auto name = [&verdict](bool is, const std::string& what) {
+    if (is) verdict += (verdict.empty() ? "" : ", ") + what;
+  };
+  name(found.oscillating, "oscillation");
+  name(found.standing, "standstill");
+  name(found.capped, "speed cap");
+  name(found.clamped, "disturbance clamp");
+  name(found.weak_coil != 0, fmt::format("weak coil {}", found.weak_coil));
+  ResultTable result(call);
+  result.flag("good", found.good())
+      .flag("oscillating", found.oscillating)
+      .flag("standing", found.standing)
+      .flag("capped", found.capped)
+      .flag("clamped", found.clamped)
+      .text("verdict", verdict.empty() ? "good" : verdict);
+  if (found.weak_coil != 0) result.integer("weak_coil", found.weak_coil);
+  return 1;
+}
+
+int servo_calls::let_fall(Call& call) {
+  const auto servo = servo_of(call);
+  const double duration = call.number(0);
+  throw_if_troubled(*servo);
+  servo->let_fall(duration);
+  Wait wait =
+      servo_wait(servo, [servo](const ServoStatus&) { return servo->last_fall().has_value(); });
+  wait.deadline = later(session_of(call.L).clock.now(), from_seconds(2 * duration + 5));
+  wait.finish = [servo, duration](Call& done, bool in_time) {
+    throw_if_troubled(*servo);
+    const auto fell = servo->last_fall();
+    if (!in_time || !fell)
+      throw std::runtime_error("the servo did not tick for " + format_quantity(duration, "s"));
+    ResultTable(done).number("off", fell->first, "s").number("on", fell->second, "s");
+    return 1;
+  };
+  return call.wait(std::move(wait));
+}
+
 // The loop's own state is in the error, for `lost` and `searching` ask for different remedies.
 int servo_calls::wait_until_tracked(Call& call) {
   const auto servo = servo_of(call);

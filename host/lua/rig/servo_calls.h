@@ -15,6 +15,8 @@ int margins(Call& call);
 int rotation(Call& call);
 int spin(Call& call);
 int clearance(Call& call);
+int quality(Call& call);
+int let_fall(Call& call);
 int wait_until_tracked(Call& call);
 int go_to(Call& call);
 int follow(Call& call);

@@ -17,21 +17,22 @@
 #include <random>
 
 namespace vitreo::machines {
-namespace {
-
-constexpr Time kStep = std::chrono::milliseconds(1);
 
 RigModel believed(const MachineSetting& setting) {
   RigModel model;
   model.eye = optics::model_eye_5_3();
   model.robot = control::robot_named(setting.robot);
+  model.robot.drag_along = setting.belief.drag_along;
+  model.robot.drag_across = setting.belief.drag_across;
+  model.robot.moment_factor = setting.belief.moment;
+  model.command_delay = setting.belief.delay;
   return model;
 }
 
 sim::WorldSettings plant(const MachineSetting& setting, const RigModel& model) {
   sim::LaboratorySettings laboratory;
   sim::WorldSettings& world = laboratory.world;
-  world.robot = model.robot;
+  world.robot = control::robot_named(setting.robot);
   world.cavity.vertex = model.eye_in_world;
   world.cavity.radius = model.eye.surfaces.front().radius;
   world.cavity.lens_depth = model.eye.vertex(2);
@@ -57,6 +58,28 @@ double latency_of(const MachineSetting& setting) {
                               setting.latency);
 }
 
+ControllerSettings settings_of(const MachineSetting& setting, ControlLaw law) {
+  ControllerSettings settings;
+  settings.law = law;
+  settings.field = setting.field;
+  settings.field_max = setting.field_max;
+  settings.axis = setting.axis;
+  settings.period = 1 / setting.frame_rate;
+  settings.wall_drag = setting.walls && setting.walls_believed;
+  settings.tone = setting.tone;
+  if (setting.proportional > 0) {
+    settings.proportional = setting.proportional;
+    settings.gains.proportional = setting.proportional;
+  }
+  if (setting.dead_known)
+    for (const int coil : setting.dead) settings.limits[coil - 1] = 0;
+  return settings;
+}
+
+namespace {
+
+constexpr Time kStep = std::chrono::milliseconds(1);
+
 /// Currents for a measurement or for its absence.
 class Controller {
  public:
@@ -66,19 +89,6 @@ class Controller {
   virtual const control::PositionEstimator* estimator() const { return nullptr; }
   virtual std::optional<ServoMargins> margins() const { return std::nullopt; }
 };
-
-ControllerSettings settings_of(const MachineSetting& setting, ControlLaw law) {
-  ControllerSettings settings;
-  settings.law = law;
-  settings.field = setting.field;
-  settings.field_max = setting.field_max;
-  settings.axis = setting.axis;
-  settings.period = 1 / setting.frame_rate;
-  settings.wall_drag = setting.walls && setting.walls_believed;
-  if (setting.dead_known)
-    for (const int coil : setting.dead) settings.limits[coil - 1] = 0;
-  return settings;
-}
 
 class ProductsController final : public Controller {
  public:
@@ -190,6 +200,27 @@ struct Judge {
   }
 };
 
+control::Currents flowing(const CoilFault& fault, double time, control::Currents commands) {
+  if (fault.coil > 0 && time >= fault.time) commands[fault.coil - 1] *= fault.part;
+  return commands;
+}
+
+void note_quality(MachineResult& result, LoopQuality& before, const LoopQuality& now, double time) {
+  const auto note = [&](bool is, bool was, double& first) {
+    if (!is || was) return;
+    ++result.alarms;
+    if (first < 0) first = time;
+  };
+  note(now.oscillating, before.oscillating, result.oscillation);
+  note(now.standing, before.standing, result.standstill);
+  note(now.weak_coil != 0, before.weak_coil == now.weak_coil, result.weak);
+  if (now.weak_coil != 0 && result.weak_coil == 0) result.weak_coil = now.weak_coil;
+  double ignored = -1;
+  note(now.capped, before.capped, ignored);
+  note(now.clamped, before.clamped, ignored);
+  before = now;
+}
+
 }  // namespace
 
 MachineResult run_machine(const MachineSetting& setting, Law law, const control::Trajectory& path,
@@ -208,6 +239,7 @@ MachineResult run_machine(const MachineSetting& setting, Law law, const control:
   Time next{};
   double margins_due = settle + 1;
   Judge judge;
+  LoopQuality quality;
   MachineResult result;
   const Eigen::Matrix3d covariance = setting.noise * setting.noise * Eigen::Matrix3d::Identity();
   try {
@@ -223,7 +255,9 @@ MachineResult run_machine(const MachineSetting& setting, Law law, const control:
       if (!coming.empty() && now >= from_seconds(coming.front().time) + latency) {
         const ControlStep step = controller->step(seconds, coming.front(), reference);
         coming.pop_front();
-        if (step.currents.size() > 0) world.set_coil_commands(now, step.currents);
+        if (step.currents.size() > 0)
+          world.set_coil_commands(now, flowing(setting.fault, seconds, step.currents));
+        note_quality(result, quality, step.quality, seconds);
         if (seconds >= margins_due) {
           margins_due += 3;
           if (const auto found = controller->margins()) {

@@ -27,6 +27,21 @@ struct Mistake {
   double mass = 1;    // factor
 };
 
+/// What the loop believes beyond the rig's nominal model: factors, and s.
+struct Belief {
+  double drag_along = 1;
+  double drag_across = 1;
+  double moment = 1;
+  double delay = 50e-3;
+};
+
+/// A coil of which from `time` (s) on only `part` of the current flows. 0: none.
+struct CoilFault {
+  int coil = 0;
+  double time = 0;
+  double part = 0;
+};
+
 struct MachineSetting {
   std::string robot = "coni_2mm";
   Eigen::Vector3d axis{1, 0, 0};
@@ -42,7 +57,11 @@ struct MachineSetting {
   double noise = 0.3 * 14.3e-6;  // m, each coordinate
   std::vector<int> dead;         // coils, from 1
   bool dead_known = true;        // to the loop
-  double field_max = 30e-3;      // T: the law now may raise the field so far
+  CoilFault fault;               // not known to the loop
+  Belief belief;
+  double tone = 0.6;         // A: ControllerSettings::tone
+  double proportional = 0;   // 1/s, of the law now and of the PD; 0: their own
+  double field_max = 30e-3;  // T: the law now may raise the field so far
   std::uint64_t seed = 1;
 };
 
@@ -63,11 +82,23 @@ struct MachineResult {
   double gain_margin = 1e9;   // factor
   double delay_margin = 1e9;  // s
   double gain = 0;            // estimated at the end
-  double delay = 0;     // s
+  double delay = 0;           // s
+  // What the loop watch said, s, first; below 0: never. Of a coil: that one was named, and which.
+  double oscillation = -1;
+  double standstill = -1;
+  double weak = -1;
+  int weak_coil = 0;
+  int alarms = 0;       // of all kinds, beginnings
   double limited = 0;   // part of the steps
   double headroom = 1;  // least
   bool lost() const { return !failure.empty() || !(rms < 200e-6); }
 };
+
+/// The loop's model, the plant's settings with everything drawn, and s, the readings' latency.
+RigModel believed(const MachineSetting& setting);
+sim::WorldSettings plant(const MachineSetting& setting, const RigModel& model);
+double latency_of(const MachineSetting& setting);
+ControllerSettings settings_of(const MachineSetting& setting, ControlLaw law);
 
 /// Holds the path's first position for `settle` seconds after the coils were switched on, then goes
 /// along; the errors are of the path and of `after` seconds at its end.

@@ -55,17 +55,25 @@ TEST(PlantSample, OneSigmaLeavesTheOtherDrawsAsTheyWere) {
 
 TEST(PlantSample, IsAsWideAsStatedAndCutAtThree) {
   const PlantSigmas stated = PlantSigmas::stated();
-  double viscosity = 0, background = 0;
+  double viscosity = 0, background = 0, pixel = 0, eye = 0, tilt = 0, stamp = 0;
   constexpr int kMachines = 2000;
   for (std::uint64_t seed = 1; seed <= kMachines; ++seed) {
     const PlantSample one = sample_plant(stated, seed);
     viscosity += std::pow(one.viscosity - 1, 2) / kMachines;
     background += one.background.squaredNorm() / kMachines;
+    pixel += std::pow(one.top_pixel - 1, 2) / kMachines;
+    eye += one.eye.squaredNorm() / 3 / kMachines;
+    tilt += one.tilt.squaredNorm() / 2 / kMachines;
+    stamp += one.stamp * one.stamp / kMachines;
     EXPECT_LE(std::abs(one.coil_delay - 1), 3 * stated.coil_delay + 1e-12);
   }
   // The standard deviation of 2000 draws is known to 1.6 %; here four of that. The cut takes 1.3 %.
   EXPECT_NEAR(std::sqrt(viscosity), stated.viscosity, 0.07 * stated.viscosity);
   EXPECT_NEAR(std::sqrt(background), stated.background, 0.07 * stated.background);
+  EXPECT_NEAR(std::sqrt(pixel), stated.pixel, 0.07 * stated.pixel);
+  EXPECT_NEAR(std::sqrt(eye), stated.eye, 0.07 * stated.eye);
+  EXPECT_NEAR(std::sqrt(tilt), stated.tilt, 0.07 * stated.tilt);
+  EXPECT_NEAR(std::sqrt(stamp), stated.stamp, 0.07 * stated.stamp);
 }
 
 TEST(PlantSample, TheWorldOfALaboratoryIsItsSample) {
@@ -86,6 +94,20 @@ TEST(PlantSample, TheWorldOfALaboratoryIsItsSample) {
   laboratory.redraw(12);
   EXPECT_EQ(laboratory.machines(), 2);
   EXPECT_NE(laboratory.drawn().front().second, sample.viscosity);
+}
+
+// The stamp is late by what was drawn, the frame comes when it would have come anyway.
+TEST(PlantSample, TheStampsOfACameraAreOffAndItsFramesAreNot) {
+  LaboratorySettings settings;
+  settings.sigmas.stamp = 1e-3;
+  const auto clock = virtual_clock();
+  Laboratory laboratory(settings, *clock, 11);
+  const double stamp = sample_plant(settings.sigmas, 11).stamp;
+  ASSERT_GT(std::abs(stamp), 1e-5);
+  const Frame frame = laboratory.side_camera().grab(from_seconds(1));
+  const double exposed = static_cast<double>(frame.number) / settings.side.frame_rate;
+  EXPECT_NEAR(to_seconds(frame.exposed) - exposed, stamp, 1e-6);
+  EXPECT_NEAR(to_seconds(frame.received) - exposed, settings.side.latency, 1e-6);
 }
 
 TEST(PlantSample, AnImpossibleSigmaIsNamed) {

@@ -31,11 +31,14 @@ inline RigDescription whole_rig() {
   return description;
 }
 
-/// The same with a robot of exactly the believed size: for what is about the view of it. A
-/// hundredth of its size looks like a tenth of a millimeter of depth.
+/// The same with a robot, cameras and an eye exactly as believed: for what is about the view of it.
+/// A hundredth of the robot's size looks like 0.2 mm of depth.
 inline RigDescription rig_of_known_size() {
   RigDescription description = whole_rig();
-  description.table["truth"] = ConfigValue{ConfigTable{{"size_sigma", {0.0}}}};
+  ConfigTable truth;
+  for (const char* sigma : {"size_sigma", "pixel_sigma", "tilt_sigma", "eye_sigma", "stamp_sigma"})
+    truth[sigma] = ConfigValue{0.0};
+  description.table["truth"] = ConfigValue{truth};
   return description;
 }
 

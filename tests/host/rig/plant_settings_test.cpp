@@ -81,6 +81,10 @@ TEST(PlantSettings, OfAPlantTheCoilsAreDrawnOrAllOrNothing) {
   EXPECT_EQ(coils.field_perturbation.gain, 0.03);
   EXPECT_FALSE(coils.world.wall_drag);
   const sim::LaboratorySettings drawn = read(rig_with({{"machine", {"sampled"}}})).laboratory;
+  EXPECT_EQ(drawn.sigmas.pixel, 0.005);
+  EXPECT_EQ(drawn.sigmas.eye, 50e-6);
+  EXPECT_GT(drawn.sigmas.tilt, 0);
+  EXPECT_GT(drawn.sigmas.stamp, 0);
   EXPECT_EQ(drawn.sigmas.viscosity, 0.10);
   EXPECT_EQ(drawn.sigmas.background, 50e-6);
   EXPECT_EQ(drawn.moment_sigma, 0.05);

@@ -47,6 +47,33 @@ TEST(Pose, LocateReturnsThePlaceThatWasProjected) {
   }
 }
 
+// The derivatives against the estimator itself, with a body and a camera that are really larger.
+TEST(Pose, ItsSensitivityIsWhatAWrongSizeOrPixelDoes) {
+  const PoseSettings settings = default_settings();
+  constexpr double kPart = 2e-3;
+  for (const Eigen::Vector3d& axis : {kAlongX, kOblique}) {
+    const Eigen::Vector3d place(1.5 * kMm, -1 * kMm, 5 * kMm);
+    const auto known = pose_sensitivity(settings, place, axis);
+    ASSERT_TRUE(known);
+    PoseSettings larger = settings;
+    larger.robot.semi_axis *= 1 + kPart;
+    larger.robot.semi_radius *= 1 + kPart;
+    PoseSettings coarser = settings;
+    coarser.image.pixel *= 1 + kPart;
+    const auto moved = [&](const PoseSettings& real) -> Eigen::Vector3d {
+      const auto shown = project_spheroid(real, place, axis);
+      const auto found = locate(settings, *shown, tracker_noise(), axis, place);
+      return (found->position_in_eye - place) / kPart;
+    };
+    const Eigen::Vector3d by_size = moved(larger), by_pixel = moved(coarser);
+    EXPECT_LT((known->size - by_size).norm(), 0.03 * by_size.norm()) << by_size.transpose();
+    EXPECT_LT((known->pixel - by_pixel).norm(), 0.03 * by_pixel.norm()) << by_pixel.transpose();
+    EXPECT_GT(by_size.z(), 10 * kMm)
+        << "a hundredth of the size is a tenth of a millimeter, and more";
+    EXPECT_LT(by_pixel.z(), -10 * kMm) << "what looks smaller seems to be farther away";
+  }
+}
+
 TEST(Pose, FirstGuessIsAGoodStart) {
   PoseSettings settings = default_settings();
   settings.projection.max_m = 8 * kMm;

@@ -3,6 +3,7 @@
 // thesis' PD. Usage: control_machines [first seed] [machines] [field_max in mT] [studies...]
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/machines/machine_loop.h"
+#include "tests/bench/machines/program/studies.h"
 
 #include <algorithm>
 #include <cmath>
@@ -213,5 +214,8 @@ int main(int argc, char** argv) {
   }
   if (wanted("dead")) dead_coils(drawn, first, count);
   if (wanted("square_model")) squares(model, first, count, "Square, the model's plant", false);
+  if (studies.contains("identify")) identify(drawn, first, count);
+  if (studies.contains("watch")) watch(drawn, first, count);
+  if (studies.contains("false_alarms")) false_alarms(drawn, first, count);
   return 0;
 }

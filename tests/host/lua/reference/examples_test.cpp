@@ -61,6 +61,20 @@ for n = 1, 60 do
   for k = 1, 8 do currents[k] = 8 * math.random() - 4 end
   readings[n] = { position = at, currents = currents, field = field_model:field({ position = at, currents = currents }).field }
 end
+local measured, commanded, falls, along = { time = {}, x = {}, y = {}, z = {} }, { time = {}, commanded_x = {}, commanded_y = {}, commanded_z = {} }, {}, 0
+for i = 1, 150 do
+  local u = (i // 15) % 2 == 0 and mm or -mm
+  measured.time[i], measured.x[i], measured.y[i], measured.z[i] = i / 15, along + um * math.random(), 0, 0
+  commanded.time[i], commanded.commanded_x[i], commanded.commanded_y[i], commanded.commanded_z[i] = i / 15, u, 0, 0
+  along = along + u / 15
+end
+for k = 1, 2 do
+  local fell = { time = {}, x = {}, y = {}, z = {} }
+  for i = 1, 18 do
+    fell.time[i], fell.x[i], fell.y[i], fell.z[i] = i / 15, 0, 0, um * math.random() - mm * math.max(0, i / 15 - 0.55)
+  end
+  falls[k] = { measured = fell, off = 0.5, on = 1.1 }
+end
 )";
 
 constexpr const char* kVision = R"(

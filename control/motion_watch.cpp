@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "control/motion_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+namespace vitreo::control {
+namespace {
+
+constexpr double kMemory = 10;         // s
+constexpr double kEvery = 0.5;         // s
+constexpr double kLeastWindow = 3;     // s: one that cycles fast is named by these
+constexpr double kStandingWindow = 2;  // s
+// Of the measurement's standard deviation: an oscillation below it is no harm, and a square's
+// corners are below it too.
+constexpr double kAboveNoise = 3;
+
+/// Least squares: without mean and trend.
+void detrend(std::vector<double>& values) {
+  const double n = static_cast<double>(values.size());
+  const double middle = (n - 1) / 2;
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+  double slope = 0;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    slope += (static_cast<double>(i) - middle) * values[i];
+  slope *= 12 / (n * (n * n - 1));
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] -= mean + slope * (static_cast<double>(i) - middle);
+}
+
+/// Unbiased: of the pairs that there are, by the power of both their parts.
+double correlation(const std::vector<double>& values, std::size_t lag) {
+  double product = 0, before = 0, after = 0;
+  for (std::size_t i = lag; i < values.size(); ++i) {
+    product += values[i] * values[i - lag];
+    before += values[i - lag] * values[i - lag];
+    after += values[i] * values[i];
+  }
+  const double power = std::sqrt(before * after);
+  return power > 0 ? product / power : 0;
+}
+
+}  // namespace
+
+void MotionWatch::add(const WatchedMotion& now) {
+  if (!lately_.empty() && now.time <= lately_.back().time) reset();
+  lately_.push_back(now);
+  while (lately_.front().time < now.time - kMemory) lately_.pop_front();
+  if (now.time < looked_ + kEvery) return;
+  looked_ = now.time;
+  look();
+}
+
+void MotionWatch::look() {
+  oscillating_ = false;
+  const double end = lately_.back().time;
+  for (double window = kLeastWindow; window <= kMemory && !oscillating_; window *= 1.8) {
+    if (end - lately_.front().time < window) break;
+    const auto begin = std::find_if(lately_.begin(), lately_.end(),
+                                    [&](const auto& one) { return one.time >= end - window; });
+    const auto count = static_cast<std::size_t>(lately_.end() - begin);
+    double sigma = 0;
+    for (auto one = begin; one != lately_.end(); ++one) sigma = std::max(sigma, one->sigma);
+    for (int axis = 0; axis < 3 && !oscillating_; ++axis)
+      oscillating_ = oscillates(axis, count, sigma);
+  }
+  // Standing under a command.
+  standing_ = false;
+  if (end - lately_.front().time < kStandingWindow) return;
+  Eigen::Vector3d told = Eigen::Vector3d::Zero();
+  const WatchedMotion* before = nullptr;
+  const WatchedMotion* first = nullptr;
+  for (const WatchedMotion& one : lately_) {
+    if (one.time < end - kStandingWindow) continue;
+    if (first == nullptr) first = &one;
+    if (before != nullptr) told += (one.time - before->time) * before->wanted;
+    before = &one;
+  }
+  const double length = told.norm();
+  if (length < kTold) return;
+  standing_ = told.dot(lately_.back().position - first->position) / length < length / 5;
+}
+
+// The newest `count` errors of one coordinate, taken as evenly spaced, which frames are.
+bool MotionWatch::oscillates(int axis, std::size_t count, double sigma) {
+  constexpr double kHalf = -0.5, kWhole = 0.4;
+  constexpr std::size_t kPeriods = 3;
+  std::vector<double> values;
+  for (auto one = lately_.end() - static_cast<std::ptrdiff_t>(count); one != lately_.end(); ++one)
+    values.push_back(one->error[axis]);
+  if (values.size() < 12) return false;
+  detrend(values);
+  const double power = std::inner_product(values.begin(), values.end(), values.begin(), 0.0) /
+                       static_cast<double>(values.size());
+  if (!(std::sqrt(power) > kAboveNoise * sigma)) return false;
+  const double span =
+      (lately_.back().time - (lately_.end() - static_cast<std::ptrdiff_t>(count))->time) /
+      static_cast<double>(count - 1);
+  for (std::size_t half = 2; 2 * half * kPeriods <= values.size(); ++half) {
+    const double here = correlation(values, half);
+    if (here > kHalf || here > correlation(values, half + 1)) continue;  // not yet the trough
+    if (correlation(values, 2 * half) < kWhole) return false;
+    period_ = 2 * static_cast<double>(half) * span;
+    amplitude_ = std::sqrt(2 * power);
+    return true;
+  }
+  return false;
+}
+
+}  // namespace vitreo::control

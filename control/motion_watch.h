@@ -1,0 +1,51 @@
+// Motion watch: a loop whose robot goes to and fro about its target, and one whose robot stands
+// although it is told to move. Of any law: by position and target alone.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include <cstddef>
+#include <deque>
+
+namespace vitreo::control {
+
+/// One turn of a loop.
+struct WatchedMotion {
+  double time = 0;                    // s, of the measurement
+  Eigen::Vector3d position{0, 0, 0};  // m, measured
+  Eigen::Vector3d error{0, 0, 0};     // m, from the target of that time
+  Eigen::Vector3d wanted{0, 0, 0};    // m/s: reference and feedback, without what cancels a push
+  double sigma = 0;                   // m, of one coordinate
+};
+
+/// The last ten seconds, looked at every half second.
+class MotionWatch {
+ public:
+  /// Times that run backwards begin anew.
+  void add(const WatchedMotion& now);
+  /// In some coordinate the error's autocorrelation over the last three seconds and more is below
+  /// -0.5 at half a period and above 0.4 at a whole one, three periods were seen, and the error is
+  /// larger than noise: a limit cycle, or a loop at its margin. The error and not a filter's
+  /// innovations: a filter that is right predicts an oscillation that the gains make.
+  bool oscillating() const { return oscillating_; }
+  double period() const { return period_; }        // s, of the oscillation
+  double amplitude() const { return amplitude_; }  // m
+  /// Over the last two seconds the robot was told to go `kTold` m and more and went less than a
+  /// fifth of it.
+  bool standing() const { return standing_; }
+  void reset() { *this = MotionWatch(); }
+
+ private:
+  void look();
+  bool oscillates(int axis, std::size_t count, double sigma);
+  static constexpr double kTold = 0.4e-3;
+  std::deque<WatchedMotion> lately_;
+  double looked_ = -1e9;  // s
+  bool oscillating_ = false;
+  bool standing_ = false;
+  double period_ = 0;
+  double amplitude_ = 0;
+};
+
+}  // namespace vitreo::control

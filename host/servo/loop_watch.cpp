@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/loop_watch.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+constexpr double kLong = 3;  // s, for which a cap is a fault and not the way to a far target
+// 2 ln of the likelihood ratio, and by how much more it explains than the next coil does, both over
+// what it leaves per degree of freedom, as of a quasi-likelihood: 1 where the model is right, tens
+// where a robot falls. 45 is seven standard deviations.
+constexpr double kEvidence = 45;
+constexpr double kMargin = 9;
+// Part of a coil's current: below it, gains and places of healthy coils explain as much.
+constexpr double kLeastLack = 0.3;
+constexpr double kMostLack = 2;
+constexpr double kSure = 0.2;  // s, for which one coil must be the suspect before it is named
+// s after the first measurement, in which the filter finds out gain and delay and the robot may
+// fall: what coils do is not heard before.
+constexpr double kQuiet = 6;
+constexpr double kClears = 5;  // s without suspicion after which its name is taken back
+
+/// s, since when something is so; below 0 where it is not.
+void since(bool is, double now, double& begin) {
+  if (!is)
+    begin = -1;
+  else if (begin < 0)
+    begin = now;
+}
+
+}  // namespace
+
+LoopWatch::LoopWatch(const RigModel& model)
+    : model_(model),
+      coils_(model.field.coils()),
+      given_(
+          static_cast<std::size_t>(model.field.coils()),
+          control::CommandHistory(model.command_delay, 1 / (2 * M_PI * model.command_bandwidth))),
+      flowing_(given_.size(), Eigen::Vector3d::Zero()) {}
+
+// The robot's moment lies along its field, which a coil that fails changes too: what a coil does is
+// the force with it less the force without it, and not its column of the wrench.
+control::CoilMotions LoopWatch::velocities(const WatchedCommand& command) const {
+  const Eigen::Vector3d known = model_.field.nearest_valid(command.position);
+  const control::FieldMatrix matrix = model_.field.matrix(known);
+  const control::FieldGradient background = model_.field.background(known);
+  const auto force = [this](const control::FieldGradient& made) -> Eigen::Vector3d {
+    const double strength = made.head<3>().norm();
+    if (!(strength > 0)) return Eigen::Vector3d::Zero();
+    const Eigen::Vector3d moment = model_.robot.moment(strength) / strength * made.head<3>();
+    return control::force_from_field(moment) * made;
+  };
+  const control::FieldGradient whole = matrix * command.currents + background;
+  const Eigen::Vector3d with_all = force(whole);
+  control::CoilMotions found(3, command.currents.size());
+  for (Eigen::Index k = 0; k < command.currents.size(); ++k) {
+    const control::FieldGradient without = whole - matrix.col(k) * command.currents[k];
+    found.col(k) = command.mobility * (with_all - force(without));
+  }
+  return found;
+}
+
+void LoopWatch::commanded(const WatchedCommand& command) {
+  now_ = command.now;
+  since(command.capped, now_, capped_since_);
+  since(command.clamped, now_, clamped_since_);
+  const control::CoilMotions speed = velocities(command);
+  for (std::size_t k = 0; k < given_.size(); ++k)
+    given_[k].add(command.now, speed.col(static_cast<Eigen::Index>(k)));
+}
+
+void LoopWatch::measured(double time, const control::PositionEstimator& filter, double delay,
+                         bool restarted) {
+  const double shift = std::max(delay, -model_.command_delay);
+  const double span = last_ ? time - *last_ : 0;
+  control::CoilMotions moved(3, static_cast<Eigen::Index>(given_.size()));
+  for (std::size_t k = 0; k < given_.size(); ++k) {
+    if (!last_) flowing_[k] = given_[k].velocity_at(time - shift);
+    const auto motion = given_[k].advance(flowing_[k], time - span - shift, time - shift);
+    flowing_[k] = motion.velocity;
+    moved.col(static_cast<Eigen::Index>(k)) = motion.moved;
+    // The delay may grow by what it is uncertain.
+    given_[k].forget_before(time - shift - given_[k].memory() - 0.3);
+  }
+  if (!last_) begun_ = time;
+  if (time - begun_ < kQuiet)
+    coils_.reset();
+  else if (restarted)
+    coils_.restart(span);
+  else
+    coils_.add(*filter.innovation(), filter.position_gain(), filter.velocity_gain(), span, moved);
+  last_ = time;
+  suspect(time);
+}
+
+void LoopWatch::suspect(double time) {
+  const control::CoilWatch::Finding found = coils_.most_suspect();
+  const double scale = std::max(1.0, found.rest);
+  const bool doubtful = found.evidence > kEvidence * scale &&
+                        found.evidence - found.next > kMargin * scale && found.lack > kLeastLack &&
+                        found.lack < kMostLack;
+  const int coil = doubtful ? found.coil : 0;
+  if (coil != suspected_) suspected_since_ = time;
+  suspected_ = coil;
+  if (coil != 0 && time - suspected_since_ >= kSure) {
+    named_ = coil;
+    lack_ = found.lack;
+    cleared_ = time;
+  }
+  if (named_ != 0 && time - cleared_ > kClears) named_ = 0;
+}
+
+LoopQuality LoopWatch::quality() const {
+  LoopQuality found;
+  found.oscillating = motion_.oscillating();
+  found.period = motion_.period();
+  found.amplitude = motion_.amplitude();
+  found.standing = motion_.standing();
+  found.capped = capped_since_ >= 0 && now_ - capped_since_ > kLong;
+  found.clamped = clamped_since_ >= 0 && now_ - clamped_since_ > kLong;
+  found.weak_coil = named_;
+  found.lack = named_ != 0 ? lack_ : 0;
+  return found;
+}
+
+void LoopWatch::reset() {
+  motion_.reset();
+  coils_.reset();
+  for (control::CommandHistory& coil : given_) coil.clear();
+  last_.reset();
+  capped_since_ = clamped_since_ = -1;
+  suspected_ = named_ = 0;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,77 @@
+// Loop watch: the quality of a servo loop's control while it runs: oscillation, standstill, caps,
+// and a coil that carries less than it is given.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/coil_watch.h"
+#include "control/command_history.h"
+#include "control/motion_watch.h"
+#include "host/rig/rig.h"
+
+#include <Eigen/Core>
+
+#include <optional>
+#include <vector>
+
+namespace vitreo {
+
+/// What is wrong with the control, at one moment. All false: nothing is.
+struct LoopQuality {
+  bool oscillating = false;  // a limit cycle, or a loop at its margin
+  double period = 0;         // s, of it
+  double amplitude = 0;      // m
+  bool standing = false;     // told to move, and does not
+  bool capped = false;       // the feedback has long asked for its largest speed
+  bool clamped = false;      // the disturbance has long been at its largest: the robot is held fast
+  int weak_coil = 0;         // from 1: which carries less than it is given; 0: none
+  double lack = 0;           // part of its current that is missing
+  bool good() const { return !oscillating && !standing && !capped && !clamped && weak_coil == 0; }
+};
+
+/// What one turn of a loop decided.
+struct WatchedCommand {
+  double now = 0;  // s
+  control::Currents currents;
+  Eigen::Vector3d position{0, 0, 0};                       // m, for which they are
+  Eigen::Matrix3d mobility = Eigen::Matrix3d::Identity();  // m/(N s), there
+  bool capped = false;
+  bool clamped = false;
+};
+
+class LoopWatch {
+ public:
+  /// The model is borrowed.
+  explicit LoopWatch(const RigModel& model);
+  /// Of any law: position and target, once a measurement.
+  void moved(const control::WatchedMotion& motion) { motion_.add(motion); }
+  /// Of the law estimator: what was commanded.
+  void commanded(const WatchedCommand& command);
+  /// A measurement at `time` (s) that its filter used, before the command that it leads to.
+  /// `restarted`: the filter began anew with it. The delay is that of the loop as it is known now.
+  void measured(double time, const control::PositionEstimator& filter, double delay,
+                bool restarted);
+  LoopQuality quality() const;
+  void reset();
+
+ private:
+  void suspect(double time);
+  control::CoilMotions velocities(const WatchedCommand& command) const;
+
+  const RigModel& model_;
+  control::MotionWatch motion_;
+  control::CoilWatch coils_;
+  std::vector<control::CommandHistory> given_;  // m/s, of each coil's current
+  std::vector<Eigen::Vector3d> flowing_;        // m/s, behind the lag
+  std::optional<double> last_;                  // s, of the measurement before
+  double begun_ = 0;                            // s, of the first one
+  double capped_since_ = -1;                    // s; below 0: not
+  double clamped_since_ = -1;
+  double now_ = 0;
+  int suspected_ = 0;
+  double suspected_since_ = 0;
+  int named_ = 0;
+  double lack_ = 0;
+  double cleared_ = 0;  // s, when the named coil was last suspect
+};
+
+}  // namespace vitreo

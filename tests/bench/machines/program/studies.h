@@ -1,0 +1,16 @@
+// Studies of the benchmark beside the laws: identification of the robot, and the loop watch.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "tests/bench/machines/machine_loop.h"
+
+namespace vitreo::machines {
+
+/// From +-30 % wrong of drag and moment: errors of what is found, and the square after it.
+void identify(const MachineSetting& setting, std::uint64_t first, int count);
+/// How soon a dead coil and a limit cycle are named: each coil on `count` machines.
+void watch(const MachineSetting& setting, std::uint64_t first, int count);
+/// Alarms of healthy machines: each holds for ten minutes and goes round ten squares.
+void false_alarms(const MachineSetting& setting, std::uint64_t first, int count);
+
+}  // namespace vitreo::machines
