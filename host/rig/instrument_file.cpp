@@ -85,7 +85,8 @@ std::vector<InstrumentSummary> instrument_summaries(const RigDescription& rig,
     try {
       const auto file = find_instrument_file(rig, rig_file, name);
       if (!file || file->text.find("identity") == std::string::npos) continue;
-      const scripted::Declaration declared = load_instrument(*file).declaration;
+      const scripted::Loaded loaded = load_instrument(*file);
+      const scripted::Declaration& declared = loaded.declaration;
       InstrumentSummary one{name, declared.title, declared.kind, declared.measures,
                             declared.link.buses};
       for (const auto& setting : declared.settings)

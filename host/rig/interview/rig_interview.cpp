@@ -47,9 +47,11 @@ std::string explanation(const InterviewQuestion& question) {
   return text + fmt::format("\n({})", kEndings);
 }
 
-/// Answers that are offered again after a way back; a question that sends bytes is none of them.
+/// Answers that are offered again after a way back; a question that sends bytes is none of them,
+/// nor one that is asked again for the next instrument.
 bool is_remembered(const std::string& key) {
-  return !key.starts_with("ask ") && key != "another" && key != "write";
+  return !key.starts_with("ask ") && key != "another" && !key.starts_with("further") &&
+         key != "write";
 }
 
 }  // namespace

@@ -36,7 +36,8 @@ std::optional<scripted::DeclaredUnit> unit_of(std::string_view symbol) {
       {"mm", "m", 1e-3, 0},   {"mm/s", "m/s", 1e-3, 0},
       {"T", "T", 1, 0},       {"mL/min", "m^3/s", 1e-6 / 60, 0},
       {"mL", "m^3", 1e-6, 0}, {"degC", "K", 1, 273.15},
-      {"V", "V", 1, 0},       {"A", "A", 1, 0}};
+      {"V", "V", 1, 0},       {"A", "A", 1, 0},
+      {"s", "s", 1, 0}};
   for (const auto& one : known)
     if (one.symbol == symbol) return one;
   return std::nullopt;
@@ -239,15 +240,18 @@ TEST(MetrolabSeries, IsTakenByItsOwnClockAndReadAsLists) {
       {shipped("thm1176_series"), std::move(link), "thm1176_series", *clock});
   EXPECT_NEAR(number(*probe, "value"), std::hypot(0.01, 0.02, 0.0345), 50e-6);
   const Time began = clock->now();
-  command(*probe, "take", {500, 2e-3});
+  command(*probe, "take", {QuantityValue(500.0), QuantityValue(2e-3)});
   EXPECT_GE(clock->now() - began, 1s);
   const auto z = std::get<std::vector<double>>(probe->read(index_of(*probe, "z"), 5s).value);
   EXPECT_EQ(z.size(), 500U);
   for (const double one : z) EXPECT_NEAR(one, 0.0345, 50e-6);
   EXPECT_EQ(instrument.order(R"({"get": "errors"})"), R"({"errors": []})");
   // Faster than its 6.8 kSa/s it cannot: it says so, and the next series is as good as before.
-  EXPECT_EQ(kind_of([&] { command(*probe, "take", {100, 122e-6}); }), DeviceErrorKind::refused);
-  command(*probe, "take", {2048, 250e-6});
+  EXPECT_EQ(kind_of([&] {
+              command(*probe, "take", {QuantityValue(100.0), QuantityValue(122e-6)});
+            }),
+            DeviceErrorKind::refused);
+  command(*probe, "take", {QuantityValue(2048.0), QuantityValue(250e-6)});
   EXPECT_EQ(std::get<std::vector<double>>(probe->read(index_of(*probe, "x"), 5s).value).size(),
             2048U);
   EXPECT_EQ(contract::check(*probe), Findings{});
