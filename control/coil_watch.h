@@ -59,7 +59,7 @@ class CoilWatch {
   };
   struct Begin {
     double age = 0;    // s
-    int count = 0;     // innovations
+    double count = 0;  // innovations
     double power = 0;  // sum v' S^-1 v
     std::vector<Signature> coils;
   };
