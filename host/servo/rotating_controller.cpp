@@ -217,12 +217,18 @@ Eigen::Vector3d RotatingController::wanted(RotatingStep& step, double now,
   control::ServoGains gains = tuning_->gains;
   gains.proportional = settings_.law.proportional.value_or(planned.proportional);
   if (mode == ControlMode::cancel) return -ahead->disturbance / (1 + ahead->gain) - sinking();
-  const Eigen::Vector3d velocity = control::servo_velocity(gains, reference, *ahead);
-  step.correction = velocity - reference.velocity;
-  // A reference that runs away, because the frequency is limited, waits.
+  // A reference that runs away, because the frequency is limited, waits; of its velocity only what
+  // it still goes is fed forward.
   constexpr double kPatience = 0.3e-3;  // m
-  const double off = (reference.position - ahead->position).norm();
-  step.behind = settings_.period * std::clamp(off / kPatience - 1, 0.0, 1.0);
+  const double speed = reference.velocity.norm();
+  const Eigen::Vector3d off = reference.position - ahead->position;
+  const double late = speed > 0 ? off.dot(reference.velocity) / speed : 0;
+  const double wait = std::clamp(late / kPatience - 1, 0.0, 1.0);
+  step.behind = settings_.period * wait;
+  control::Reference held = reference;
+  held.velocity *= 1 - wait;
+  const Eigen::Vector3d velocity = control::servo_velocity(gains, held, *ahead);
+  step.correction = velocity - held.velocity;
   return velocity - sinking();
 }
 
@@ -246,6 +252,11 @@ void RotatingController::command(double now, const Eigen::Vector3d& velocity,
     swim.turn_rate = std::min(6.0, 0.5 / std::max(lag_, 1e-3));
     swim.frequency = most;
     given = control::swim(swim, velocity, wall_normal(position), rotation.axis, settings_.period);
+    // A quick turn of the axis costs speed as a step-out does.
+    constexpr double kQuick = 0.15;  // rad in one lag
+    constexpr double kLags = 3;
+    const double angle = std::acos(std::clamp(given.axis.dot(rotation.axis), -1.0, 1.0));
+    if (angle / settings_.period * lag_ > kQuick) settle_in(kLags * lag_);
     rotation.turn_to(given.axis);
     rotation.frequency = given.frequency;
   }
