@@ -26,7 +26,10 @@ constexpr double kObeys = 1.0;
 
 RigDescription rig_of(const ApproachSetting& setting) {
   RigDescription description = whole_rig();
-  description.table["truth"] = ConfigValue{ConfigTable{{"machine", {"sampled"}}}};
+  ConfigTable truth{{"machine", {"sampled"}}};
+  // Crossed plates on end are a cross that the tracker does not take for the robot.
+  if (setting.upright) truth["drawn_as"] = ConfigValue{std::string("ellipsoid")};
+  description.table["truth"] = ConfigValue{truth};
   ConfigTable keep_out{{"margin", {setting.margin}}};
   if (setting.perturbed_eye) keep_out["eye"] = ConfigValue{std::string("table_5_1")};
   description.table["keep_out"] = ConfigValue{keep_out};
