@@ -61,8 +61,9 @@ DeclaredUnit read_unit(TableReader& reader, const UnitLookup& units,
   if (symbol.empty()) return {};
   const auto found = units(symbol);
   if (!found)
-    reader.fail(key, "\"" + symbol +
-                         "\" is no unit that is known: `vitreo docs instruments_in_lua` lists them");
+    reader.fail(
+        key,
+        "\"" + symbol + "\" is no unit that is known: `vitreo docs instruments_in_lua` lists them");
   return *found;
 }
 
