@@ -86,8 +86,10 @@ Robot helix_2mm() {
   Helix helix;
   const double turn = std::hypot(2 * kPi * helix.radius, helix.pitch);
   const double filament = helix.turns * turn * kPi * helix.filament_radius * helix.filament_radius;
-  Robot robot = magnet("helix 2 mm", helix.length() / 2 + helix.filament_radius,
-                       helix.radius + helix.filament_radius, kMagnet + filament);
+  // Its surface is the cylinder about it, in which it turns.
+  Robot robot =
+      magnet("helix 2 mm", BodyShape::cylinder, helix.length() / 2 + helix.filament_radius,
+             helix.radius + helix.filament_radius, kMagnet + filament);
   robot.solid_density = (kMagnet * robot.solid_density + filament * kResin) / robot.solid_volume;
   robot.saturation *= kMagnet / robot.solid_volume;
   robot.helix = helix;
