@@ -38,6 +38,8 @@ Eigen::Vector3d farthest(const BodySurface& body, const Eigen::Vector3d& axis,
 
 /// From the retina's center, or above the equator from the eye's axis.
 Eigen::Vector3d from_center(const EyeCavity& eye, const Eigen::Vector3d& point) {
+  // The center is one radius above the vertex; z is up, so the sphere is below the equator and only
+  // what lies below it counts along z.
   Eigen::Vector3d away = point - eye.vertex - Eigen::Vector3d(0, 0, eye.radius);
   away.z() = std::min(away.z(), 0.0);
   return away;
@@ -94,6 +96,7 @@ Reached reached(const BodySurface& body, const EyeCavity& eye, const Eigen::Vect
 std::array<Eigen::Vector3d, 3> worst_attitudes(const BodySurface& body, const Eigen::Vector3d& axis,
                                                const Eigen::Vector3d& normal, double off) {
   const Eigen::Vector3d end = axis.dot(normal) < 0 ? Eigen::Vector3d(-axis) : axis;
+  // The body is the same at both ends, so the angle is within a right one.
   const double angle = std::acos(std::min(1.0, end.dot(normal)));
   const double least = std::isfinite(off) ? std::max(0.0, angle - off) : 0;
   const double most = std::isfinite(off) ? std::min(M_PI / 2, angle + off) : M_PI / 2;
@@ -121,6 +124,7 @@ void set_uncertainty(const BodySurface& body, const UncertainPose& pose, WallCle
          worst_attitudes(body, pose.axis, wall.normal, kTilted * pose.axis_sigma))
       least = std::min(least, distance_of(axis));
   // A tilt only takes distance: about its mean, the rest adds to the position's in quadrature.
+  // 0.46 d + hypot(1.96 spread, 0.54 d): docs/control.md, "Clearance and margin".
   const double nearer = wall.distance - least;
   wall.uncertainty = kMeanTilt * nearer + std::hypot(kCoverage * spread, (1 - kMeanTilt) * nearer);
 }

@@ -17,6 +17,8 @@ CoilWatch::CoilWatch(int coils) : coils_(static_cast<std::size_t>(coils)) {
 void CoilWatch::age(double span) {
   standing_.age += span;
   for (Begin& begin : begins_) begin.age += span;
+  // A bank of hypotheses, each of a fault that began at another time; a lack that is older than all
+  // of them is the standing one's to find.
   if (begins_.empty() || begins_.back().age >= kEvery)
     begins_.push_back({0, 0, 0, std::vector<Signature>(coils_)});
   while (begins_.front().age > kOldest) begins_.pop_front();
@@ -28,6 +30,8 @@ void CoilWatch::age(double span) {
 void CoilWatch::take(Begin& begin, const Innovation& innovation, const Eigen::Matrix3d& weight,
                      const Eigen::Matrix3d& position_gain, const Eigen::Matrix3d& velocity_gain,
                      double span, const CoilMotions& given) {
+  // weight is S^-1, position_gain K of the filter's last update, velocity_gain that of disturbance
+  // and gain as a velocity; `given` a column a coil, m.
   const Eigen::Vector3d weighted = weight * innovation.value;
   begin.count += 1;
   begin.power += innovation.value.dot(weighted);
@@ -47,6 +51,8 @@ void CoilWatch::add(const Innovation& innovation, const Eigen::Matrix3d& positio
   age(span);
   const Eigen::Matrix3d weight =
       Eigen::LLT<Eigen::Matrix3d>(innovation.covariance).solve(Eigen::Matrix3d::Identity());
+  // Exponential forgetting keeps the standing hypothesis' sums of the newest seconds; its
+  // signatures are states of the filter's error and do not fade.
   const double fade = std::exp(-span / kMemory);
   standing_.count *= fade;
   standing_.power *= fade;
@@ -62,6 +68,8 @@ void CoilWatch::add(const Innovation& innovation, const Eigen::Matrix3d& positio
 // The innovation itself was an outlier to the filter, and is none of this test's.
 void CoilWatch::restart(double span) {
   age(span);
+  // The filter's place is right again by what was measured; what it believes of the velocity is as
+  // it was, and so is its error.
   for (Signature& coil : standing_.coils) coil.position.setZero();
   for (Begin& begin : begins_)
     for (Signature& coil : begin.coils) coil.position.setZero();
@@ -71,6 +79,7 @@ CoilWatch::Finding CoilWatch::suspect_of(const Begin& begin) const {
   Finding found;
   for (std::size_t k = 0; k < coils_; ++k) {
     const Signature& coil = begin.coils[k];
+    // b below 0 would be a coil that carries more than it was given, which amplifiers do not.
     if (!(coil.information > 0) || !(coil.product > 0)) continue;
     const double evidence = coil.product * coil.product / coil.information;
     if (evidence > found.evidence) {
@@ -82,6 +91,7 @@ CoilWatch::Finding CoilWatch::suspect_of(const Begin& begin) const {
       found.next = evidence;
     }
   }
+  // Three coordinates an innovation: about 1 where the filter's covariance is right.
   if (begin.count > 0) found.rest = (begin.power - found.evidence) / (3 * begin.count);
   return found;
 }

@@ -16,6 +16,7 @@ namespace {
 constexpr double kSteepest = 1.5;
 constexpr double kOpposite = 1e-3;  // rad, of 180 degrees
 
+// Of unit vectors; by atan2, as acos loses half of the digits at small angles.
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
@@ -35,6 +36,8 @@ DirectionPath DirectionPath::through(const std::vector<Eigen::Vector3d>& directi
   require(positive(rate), "turn_speed: must be above 0 rad/s");
   std::vector<double> times;
   for (std::size_t k = 0; k < directions.size(); ++k)
+    // The blend's steepest rate is 1.5 of its mean one, so the arc takes 1.5 angle / rate. The same
+    // direction twice still takes time, as times have to rise.
     times.push_back(k == 0
                         ? 0
                         : times.back() +
@@ -51,6 +54,7 @@ DirectionPath DirectionPath::timed(const std::vector<Eigen::Vector3d>& direction
   for (std::size_t k = 0; k < directions.size(); ++k) {
     require(k == 0 ? times[k] == 0 : times[k] > times[k - 1], "times: must rise from 0 s");
     path.knots_.push_back({times[k], unit(directions[k])});
+    // Between opposite directions every great arc is as short: the way would be rounding's choice.
     require(k == 0 || angle_between(path.knots_[k - 1].direction, path.knots_[k].direction) <
                           kPi - kOpposite,
             "direction: opposite to the one before; give one between, the way to turn");
@@ -68,6 +72,7 @@ Eigen::Vector3d DirectionPath::at(double time) const {
   if (!(across.norm() > 1e-12)) return after->direction;
   const double part = (time - from.time) / (after->time - from.time);
   const double angle = angle_between(from.direction, after->direction);
+  // Rotated about the arc's normal: unit all the way, and at rest at each knot.
   return Eigen::AngleAxisd(angle * part * part * (3 - 2 * part), across.normalized()) *
          from.direction;
 }

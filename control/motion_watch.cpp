@@ -25,6 +25,7 @@ void detrend(std::vector<double>& values) {
   double slope = 0;
   for (std::size_t i = 0; i < values.size(); ++i)
     slope += (static_cast<double>(i) - middle) * values[i];
+  // The sum of squares of n evenly spaced places about their middle is n (n^2 - 1) / 12.
   slope *= 12 / (n * (n * n - 1));
   for (std::size_t i = 0; i < values.size(); ++i)
     values[i] -= mean + slope * (static_cast<double>(i) - middle);
@@ -56,6 +57,8 @@ void MotionWatch::add(const WatchedMotion& now) {
 void MotionWatch::look() {
   oscillating_ = false;
   const double end = lately_.back().time;
+  // Several lengths: three periods of a fast cycle are lost in a long window in which it begins,
+  // and a slow one does not show in a short one.
   for (double window = kLeastWindow; window <= kMemory && !oscillating_; window *= 1.8) {
     if (end - lately_.front().time < window) break;
     const auto begin = std::find_if(lately_.begin(), lately_.end(),
@@ -79,6 +82,7 @@ void MotionWatch::look() {
     before = &one;
   }
   const double length = told.norm();
+  // Way and command are compared along the command: what goes aside, a flow, is no answer to it.
   if (length < kTold) return;
   standing_ = told.dot(lately_.back().position - first->position) / length < length / 5;
 }
@@ -94,10 +98,13 @@ bool MotionWatch::oscillates(int axis, std::size_t count, double sigma) {
   detrend(values);
   const double power = std::inner_product(values.begin(), values.end(), values.begin(), 0.0) /
                        static_cast<double>(values.size());
+  // Noise has a trough now and then by chance; below the noise no cycle matters anyway.
   if (!(std::sqrt(power) > kAboveNoise * sigma)) return false;
   const double span =
       (lately_.back().time - (lately_.end() - static_cast<std::ptrdiff_t>(count))->time) /
       static_cast<double>(count - 1);
+  // The first trough of the autocorrelation is half a period away. What returns at the whole period
+  // is a cycle; a single swing or a drift that turned round has the trough alone.
   for (std::size_t half = 2; 2 * half * kPeriods <= values.size(); ++half) {
     const double here = correlation(values, half);
     if (here > kHalf || here > correlation(values, half + 1)) continue;  // not yet the trough

@@ -35,6 +35,8 @@ LinearFit solve(const Eigen::MatrixXd& regressors, const Eigen::VectorXd& observ
   fit.parameters = scale.asDiagonal() * factored.solve(observed);
   fit.residuals = observed - regressors * fit.parameters;
   fit.squares = fit.residuals.squaredNorm();
+  // Covariance of least squares, sigma^2 (A' A)^-1, by the scaled columns S: D (S' S)^-1 D with the
+  // scales in D; squaring the unscaled columns would lose what their units differ by.
   const Eigen::MatrixXd information = scaled.transpose() * scaled;
   fit.covariance = scale.asDiagonal() *
                    information.ldlt().solve(Eigen::MatrixXd::Identity(scale.size(), scale.size())) *
@@ -59,6 +61,7 @@ double best_delay(const FitAt& fit, double longest) {
     }
   double low = std::max(0.0, best - kGrid);
   double high = std::min(longest, best + kGrid);
+  // Golden section search (Kiefer 1953): the bracket shrinks by 0.618 a pass.
   while (high - low > kFine) {
     const double a = high - golden * (high - low);
     const double b = low + golden * (high - low);
@@ -81,6 +84,7 @@ double inflation(const Eigen::VectorXd& residuals) {
 
 /// The variance of one sample, with what hangs together counted once.
 double variance_of(const LinearFit& fit) {
+  // One degree of freedom more than the linear parameters: the delay was fitted too.
   const auto freedom = static_cast<double>(
       std::max<Eigen::Index>(1, fit.residuals.size() - fit.parameters.size() - 1));
   return fit.squares / freedom * inflation(fit.residuals);
@@ -89,6 +93,7 @@ double variance_of(const LinearFit& fit) {
 // By the curvature of the sum of squares: sigma^2 = 2 s^2 / (d^2 S / d delay^2).
 double delay_sigma(const FitAt& fit, double delay, double variance) {
   constexpr double kStep = 5e-3;  // s
+  // A delay below 0 is no command's: near 0 the central difference is taken at one step instead.
   const double middle = std::max(delay, kStep);
   const double curvature =
       (fit(middle + kStep).squares - 2 * fit(middle).squares + fit(middle - kStep).squares) /
@@ -102,6 +107,8 @@ double parameter_sigma(const FitAt& fit, const LinearFit& best, Eigen::Index whi
                        double sigma, double variance) {
   constexpr double kStep = 2e-3;  // s
   const double low = std::max(0.0, delay - kStep);
+  // The delay was found by its own search, so that the linear covariance does not hold its doubt:
+  // it comes in by d(parameter) / d(delay), to first order.
   const double slope =
       (fit(delay + kStep).parameters[which] - fit(low).parameters[which]) / (delay + kStep - low);
   const double by_delay = std::isfinite(sigma) ? slope * sigma : 0;
@@ -138,6 +145,7 @@ Eigen::VectorXd commanded_motion(const DrivenMotion& motion, const Eigen::Vector
   Eigen::Vector3d velocity = motion.commanded.front().value;
   double along = 0;
   for (std::size_t i = 0; i < measured.size(); ++i) {
+    // Only what was commanded by then: a command that holds until the next one acts delay s later.
     give(measured[i].time);
     if (i > 0) {
       const auto step = history.advance(velocity, measured[i - 1].time, measured[i].time);
@@ -200,6 +208,8 @@ IdentifiedResponse identify_response(const DrivenMotion& motion, const Eigen::Ve
     along[i] = direction.dot(motion.measured[static_cast<std::size_t>(i)].value);
     times[i] = motion.measured[static_cast<std::size_t>(i)].time;
   }
+  // The deviation from the mean place and not the place itself: the slope's regressor is then far
+  // from the drift's, which is that at the mean place.
   const double mean = along.mean();
   for (Eigen::Index i = 1; i < count; ++i)
     away[i] = away[i - 1] + (times[i] - times[i - 1]) * ((along[i] + along[i - 1]) / 2 - mean);
@@ -227,6 +237,9 @@ IdentifiedResponse identify_response(const DrivenMotion& motion, const Eigen::Ve
   // Of the commanded motion what is no start, drift or slope: the rest tells the gain.
   Eigen::MatrixXd others(count, kGain);
   others << Eigen::VectorXd::Ones(count), (times.array() - times.mean()).matrix(), away;
+  // Commands that look like a drift tell nothing of the gain, however large they are: what the
+  // other columns cannot make is what the fit has to see against its residuals (Frisch, Waugh,
+  // Lovell).
   const LinearFit told = solve(others, commanded_motion(motion, direction, found.delay.value));
   found.excitation = std::sqrt(told.squares / static_cast<double>(count));
   if (!(found.excitation > 3 * found.residual))
@@ -253,6 +266,9 @@ IdentifiedFall identify_fall(const std::vector<Fall>& falls, const Eigen::Vector
     for (Eigen::Index i = 0; i < count; ++i) {
       const FallRow& row = rows[static_cast<std::size_t>(i)];
       const double fallen = lagged_ramp(row.time - delay, lag);
+      // Three columns share a row: a_j, b_j of its own fall, and the speed that all falls have.
+      // Held and fallen time add up to the time, the change from one to the other is as slow as the
+      // lag.
       regressors(i, 2 * row.fall) = 1;
       regressors(i, 2 * row.fall + 1) = row.time - fallen;
       regressors(i, columns - 1) = fallen;

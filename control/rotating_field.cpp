@@ -14,6 +14,8 @@
 namespace vitreo::control {
 namespace {
 
+// Normalized: the frequency response of a hold of T s is sinc(f T) (and a delay of T / 2, which the
+// caller of commanded_field() has in the phase).
 double sinc(double x) { return std::abs(x) < 1e-6 ? 1 : std::sin(kPi * x) / (kPi * x); }
 
 }  // namespace
@@ -26,6 +28,7 @@ const char* to_string(RotatingMode mode) {
 void Rotation::turn_to(const Eigen::Vector3d& other) {
   first = Eigen::Quaterniond::FromTwoVectors(axis, other) * first;
   axis = other;
+  // Rounding adds up over hours of turning: e1 is made to lie across the axis again.
   first = (first - first.dot(axis) * axis).normalized();
 }
 
@@ -39,6 +42,7 @@ Eigen::Vector3d commanded_field(const Rotation& rotation, double phase, double l
          ((cosine - lead * sine) * rotation.first + (sine + lead * cosine) * second);
 }
 
+// |b + lag b'| = B sqrt(1 + (w lag)^2), as b' is w B across b.
 double emphasis(double frequency, double lag, double hold) {
   return std::hypot(1.0, 2 * kPi * frequency * lag) / std::abs(sinc(frequency * hold));
 }
@@ -46,6 +50,7 @@ double emphasis(double frequency, double lag, double hold) {
 // The normal equations of the weighted least squares, with a little of |I|^2 for a rank that dead
 // coils leave short: (A' W A + eps 1) I = A' W [b; 0].
 FieldCurrents uniform_field_currents(const FieldMatrix& matrix, const CurrentLimits& limits) {
+  // Rows of the matrix: field (T/A), then the five gradients (T/m/A); times 20 mm both are in T.
   require(matrix.cols() == limits.size(), "limits: one a coil is wanted");
   constexpr double kFieldFirst = 10;  // weight of the field against the gradient times 20 mm
   FieldMatrix weighted = matrix;
@@ -73,6 +78,7 @@ double reachable_part(const FieldCurrents& currents, const Rotation& rotation,
   for (int coil = 0; coil < one.size(); ++coil) {
     const double amplitude = peak * std::hypot(one[coil], two[coil]);
     if (!(limits.currents[coil] > 0) || !(amplitude > 0)) continue;
+    // A sine of this amplitude changes fastest by w times it.
     part = std::min({part, limits.currents[coil] / amplitude,
                      rate > 0 ? limits.slew / (rate * amplitude) : 1.0});
   }

@@ -26,6 +26,8 @@ double step_out_frequency(const Robot& robot, const Medium& medium, double field
     return step_out_frequency(
         robot.moment(field), field,
         helix_resistance(*robot.helix, medium.dynamic_viscosity()).free_spin());
+  // One quadrant of the angle from the axis to the field, in steps of a degree: the torque of an
+  // axially symmetric body has the period of half a turn and is odd.
   constexpr int kAngles = 90;
   const Eigen::Vector3d along(field, 0, 0);
   double torque = 0;
@@ -46,6 +48,7 @@ double mean_rotation(double frequency, double step_out) {
   return frequency - std::sqrt((frequency - step_out) * (frequency + step_out));
 }
 
+// With part = 1 - sqrt(1 - (f_so / f)^2) of mean_rotation(): f_so = f sqrt(1 - (1 - part)^2).
 double step_out_of(double frequency, double part) {
   require(not_negative(frequency), "frequency: must be at least 0 Hz");
   const double slip = 1 - std::clamp(part, 0.0, 1.0);
@@ -70,6 +73,8 @@ StepOutWatch::StepOutWatch(const StepOutSettings& settings) : settings_(settings
 bool StepOutWatch::add(double went, double commanded, double span, double frequency) {
   window_.push_back({went, commanded, span});
   double time = 0, way = 0, asked = 0;
+  // From the newest backwards, until the window is full: older pieces are dropped, so the deque
+  // stays as long as the window and the piece that crosses its begin.
   for (auto piece = window_.rbegin(); piece != window_.rend(); ++piece) {
     time += piece->span;
     way += piece->went;
@@ -78,11 +83,14 @@ bool StepOutWatch::add(double went, double commanded, double span, double freque
     window_.erase(window_.begin(), piece.base() - 1);
     break;
   }
+  // A drop of (1 - drop) of the response must be `significance` sigma, and sigma falls with the
+  // way: below this way no ratio is taken.
   const double shortest = std::sqrt(2.0) * settings_.noise * settings_.significance /
                           ((1 - settings_.drop) * response_.before);
   if (time < settings_.window || asked < shortest) return false;
   response_.now = way / asked;
   response_.sigma = std::sqrt(2.0) * settings_.noise / asked;
+  // A response that is not known beforehand is learnt over two windows before it is compared with.
   const bool judged = settings_.known || learnt_ >= 2 * settings_.window;
   const bool low = response_.now < settings_.drop * response_.before;
   if (response_.stepped_out || !judged || !low) {

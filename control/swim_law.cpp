@@ -42,10 +42,13 @@ SwimCommand swim(const SwimSettings& settings, const Eigen::Vector3d& velocity,
   direction.normalize();
   const double speed = wanted.norm();
   if (speed > kSlowest) {
+    // A helix goes backwards as well: the nearer end is turned, by a right angle at most, and the
+    // frequency has the sign.
     const double sense = wanted.dot(direction) < 0 ? -1 : 1;
     direction = turned(direction, sense / speed * wanted, settings.turn_rate * span);
   }
   const double most = 2 * kPi * settings.frequency;
+  // Along the axis that is reached alone: while it still turns, the cosine takes the speed back.
   const double rate = std::clamp(wanted.dot(direction) / settings.advance, -most, most);
   SwimCommand command;
   command.axis = helix ? direction : Eigen::Vector3d(normal.cross(direction).normalized());

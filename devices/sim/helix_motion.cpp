@@ -23,6 +23,8 @@ Eigen::Vector3d HelixMotion::rate(const BodyState& body, const Eigen::Vector3d& 
   const Eigen::Vector3d& n = body.axis;
   const Eigen::Vector3d across = torque - torque.dot(n) * n;
   const Eigen::Vector3d pushed = force - force.dot(n) * n;
+  // advance = -b / a and free_spin = c - b^2 / a, the same across with their own coefficients: a
+  // force that pulls a helix through the fluid turns it.
   const double spin = (torque.dot(n) + drag_.advance() * force.dot(n)) / drag_.free_spin();
   return spin * n + (across + drag_.advance_across() * pushed) / drag_.free_turning();
 }
@@ -32,6 +34,7 @@ Eigen::Vector3d HelixMotion::rate(const BodyState& body, const Eigen::Vector3d& 
 HelixMotion::Step HelixMotion::turn(BodyState& body, const Eigen::Vector3d& field,
                                     const Eigen::Vector3d& force, double span) const {
   constexpr double kPart = 0.1;  // rad
+  // rad/s, an upper bound: the whole torque m B over the smaller of the two drags.
   const double fastest =
       moment_ * field.norm() / std::min(drag_.free_spin(), drag_.free_turning()) + 1e-9;
   const int parts = std::max(1, static_cast<int>(std::ceil(fastest * span / kPart)));
@@ -42,6 +45,8 @@ HelixMotion::Step HelixMotion::turn(BodyState& body, const Eigen::Vector3d& fiel
     turn_body(middle, h / 2 * rate(body, field, force));
     const Eigen::Vector3d w = rate(middle, field, force);
     const Eigen::Vector3d spin = w.dot(middle.axis) * middle.axis;
+    // What the force moves a body that does not turn is the caller's; here is what turning adds,
+    // with the coupling across the axis, by which a helix that turns over goes aside.
     step.swum += h * (drag_.advance() * spin + drag_.advance_across() * (w - spin));
     step.turned += h * w;
     turn_body(body, h * w);

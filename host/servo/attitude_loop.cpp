@@ -70,10 +70,13 @@ void AttitudeLoop::observe(Time exposed, const Observation& observation) {
   if (!active_) return;
   const double time = to_seconds(exposed);
   const Eigen::Vector3d now = wanted(time);
+  // The axis of a soft robot has no sense: of both ends the one that is nearer to the reference is
+  // meant.
   if (measured_ && either_end_ && measured_->dot(now) < 0) measured_ = -*measured_;
   constexpr double kStill = 1e-3;  // rad, in the time that the axis is behind the command
   constexpr double kBehind = 0.1;  // s
   const bool still = (wanted(time - kBehind) - now).norm() < kStill;
+  // A gap in the measurements is no time for which the last error is known to have held.
   constexpr double kLongest = 0.2;  // s, of a measurement's weight
   if (measured_ && still)
     law_.update(*measured_, observation.axis_sigma, now,

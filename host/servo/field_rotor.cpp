@@ -13,6 +13,8 @@ FieldRotor::FieldRotor(Clock& clock, Interlock& coils, const RotorSettings& sett
   task_ = clock_.spawn("field rotor", [this] { run(); });
 }
 
+// Joined while all members are alive, and with a stop of the caller deferred: this runs in its
+// clean-up.
 FieldRotor::~FieldRotor() {
   const StopShield shield(clock_);
   task_->request_stop();
@@ -26,6 +28,7 @@ void FieldRotor::turn(const control::Rotation& rotation, const control::FieldCur
   constant_ = constant;
   if (turning_) return;
   turning_ = true;
+  // The task goes to its inner wait by itself; only one that rests has to be woken.
   clock_.notify(changed_);
 }
 
@@ -49,6 +52,7 @@ void FieldRotor::run() {
       heartbeat_.emplace(coils_, "the rotating field");
       last_.reset();
       while (turning_) {
+        // An amplifier that takes longer than the interval sets the pace itself.
         const Time due = clock_.now() + from_seconds(settings_.interval);
         send();
         if (clock_.now() < due)
@@ -77,6 +81,7 @@ void FieldRotor::send() {
       rotor.busy_ = false;
       rotor.clock_.notify(rotor.changed_);
     }
+  // stop() waits for this: no set-point may come after the zeros that its caller sends.
   } const busy(*this);
   const Time now = clock_.now();
   const double rate = 2 * M_PI * rotation_.frequency;

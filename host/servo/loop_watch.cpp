@@ -73,6 +73,8 @@ void LoopWatch::commanded(const WatchedCommand& command) {
 
 void LoopWatch::measured(double time, const control::PositionEstimator& filter, double delay,
                          bool restarted) {
+  // `delay` is the filter's estimate of the delay beyond the believed one: what moved the robot
+  // until `time` are commands from that much earlier. No command acts before it is given.
   const double shift = std::max(delay, -model_.command_delay);
   const double span = last_ ? time - *last_ : 0;
   control::CoilMotions moved(3, static_cast<Eigen::Index>(given_.size()));
@@ -85,6 +87,7 @@ void LoopWatch::measured(double time, const control::PositionEstimator& filter, 
     given_[k].forget_before(time - shift - given_[k].memory() - 0.3);
   }
   if (!last_) begun_ = time;
+  // The histories go on meanwhile: only the test is kept from hearing.
   if (time - begun_ < kQuiet)
     coils_.reset();
   else if (restarted)
@@ -102,6 +105,7 @@ void LoopWatch::suspect(double time) {
                         found.evidence - found.next > kMargin * scale && found.lack > kLeastLack &&
                         found.lack < kMostLack;
   const int coil = doubtful ? found.coil : 0;
+  // One coil must stay the suspect; where the evidence changes from coil to coil none is named yet.
   if (coil != suspected_) suspected_since_ = time;
   suspected_ = coil;
   if (coil != 0 && time - suspected_since_ >= kSure) {

@@ -67,6 +67,7 @@ std::optional<SideObservation> SideObservationBuffer::at(Time exposed, Time dead
   const auto there = [&] {
     return !lately_.empty() && lately_.back().exposed >= exposed - kInStep;
   };
+  // Whether it came in time is not asked: what is there by then may do.
   clock_.wait(added_, there, deadline);
   const auto nearest =
       std::min_element(lately_.begin(), lately_.end(), [exposed](const Entry& a, const Entry& b) {
@@ -103,6 +104,7 @@ std::optional<SideObservation> SideObservationBuffer::between(Time exposed) cons
   view.direction_sigma = last->direction_sigma;
   view.covariance = (1 - w) * (1 - w) * before->covariance + w * w * last->covariance;
   // What stays is the same in both: it is not averaged.
+  // The first sum weighed the systematic parts as if they were independent: these are replaced.
   const Eigen::Matrix2d stays = (1 - w) * before->systematic + w * last->systematic;
   view.covariance += stays - (1 - w) * (1 - w) * before->systematic - w * w * last->systematic;
   view.systematic = stays;
@@ -169,6 +171,7 @@ std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background ba
         vision::BlobTracker tracker(learnt, {});
         std::optional<Time> last;
         while (true) {
+          // Beyond any frame period: a camera that is silent for so long throws, and ends the task.
           const Frame frame = rig.side_camera->grab(from_seconds(5));
           // Its clock is wrong: no stream's time goes back.
           if (last && frame.exposed <= *last) continue;

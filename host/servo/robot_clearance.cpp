@@ -41,6 +41,7 @@ RobotClearance::RobotClearance(const RigModel& model, const ClearanceBelief& bel
   // Surfaces count from 1 at the retina, as in the thesis' tables: the second is the lens' rear.
   model_.eye.radius = model.eye.surfaces.front().radius;
   model_.eye.lens_depth = model.eye.vertex(2);
+  // Positions of a pose sensor, or of a view without an eye, have no doubt of the optics' kind.
   if (belief.through_eye && !model.plain_view) doubt_ = doubt_of(model, belief);
 }
 
@@ -48,6 +49,8 @@ std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& posi
                                                      const Eigen::Matrix3d& covariance) const {
   if (!model_.there || !position.allFinite() || !covariance.allFinite()) return std::nullopt;
   control::UncertainPose pose{position, covariance, belief_.axis, belief_.axis_sigma};
+  // Systematic and random errors are independent: their covariances add up. The doubt is of the
+  // eye's frame, which is parallel to the world's.
   pose.covariance += doubt_.covariance(position - model_.eye_in_world);
   control::Clearance found = control::clearance(model_.body, model_.eye, pose);
   found.retina.distance -= felt_retina_;
@@ -56,6 +59,8 @@ std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& posi
 }
 
 void RobotClearance::felt(bool lens, double distance) {
+  // Never taken back: a wall that was felt too early costs reach, one that was felt too late is
+  // touched again.
   double& felt = lens ? felt_lens_ : felt_retina_;
   felt += std::max(0.0, distance);
 }

@@ -88,11 +88,15 @@ RotatingStep RotatingController::step(double now,
                                       const std::optional<control::PositionMeasurement>& measured,
                                       const ReferencePath& path, ControlMode mode, double update) {
   RotatingStep step;
+  // The order matters: the law sets position_ to where the robot will be when the command acts, the
+  // currents are computed there, and they say how fast the field may turn.
   step.passed_over = measured && !take(now, *measured, step);
   settings_.limits.update = update;
   const Eigen::Vector3d velocity = wanted(step, now, path, mode);
   allocate(step, position_, update);
   const double law = settings_.law.frequency.value_or(kBelowBelieved * state_.believed_step_out);
+  // The law's own limit is kept below the step-out of the field that is wanted, not of what is left
+  // of it where the coils cut it.
   state_.limit = std::min({law, coils_limit_, step_out_limit_});
   state_.set_points = 1 / update;
   command(now, velocity, position_);
@@ -139,6 +143,7 @@ void RotatingController::tune(double now, const control::PositionMeasurement& fi
   tuning_->gains.max_speed = settings_.law.max_speed.value_or(tuning_->gains.max_speed);
   tuning_->gains.check();
   estimator_.emplace(tuning_->estimator);
+  // Until the first command acts the robot sinks.
   estimator_->set_before(sinking());
   began_ = first.time;
 }
@@ -162,7 +167,10 @@ void RotatingController::watch(const control::PositionMeasurement& measured, Rot
   const double turning =
       along.dot(last_commanded_.norm() > 0 ? last_commanded_.normalized() : along);
   constexpr double kStraight = 0.9;  // cosine
+  // What was commanded while the robot moved and what is commanded now point elsewhere: the axis is
+  // being turned, and a robot that lags behind it is no step-out.
   if (std::abs(turning) < kStraight) return;
+  // Of the mean over the interval, as delayed as the motion that it is compared with.
   const double frequency = commanded / span / std::abs(advance_) / (2 * M_PI);
   // Turned slowly, a helix turns its axis more slowly than by the lag (docs/rotating_fields.md).
   constexpr double kTooSlow = 1. / 8;  // of the believed step-out
@@ -199,6 +207,7 @@ Eigen::Vector3d RotatingController::wanted(RotatingStep& step, double now,
   if (!estimator_) return Eigen::Vector3d::Zero();
   step.estimate = estimator_->at(now);
   if (!step.estimate) return Eigen::Vector3d::Zero();
+  // All is taken at the time at which the command will act (docs/control.md, Estimate and law).
   const double then = now + std::max(0.0, tuning_->horizon + step.estimate->delay);
   const auto ahead = estimator_->at(then);
   if (!ahead || (mode != ControlMode::follow && mode != ControlMode::cancel))
@@ -260,6 +269,8 @@ void RotatingController::command(double now, const Eigen::Vector3d& velocity,
     rotation.turn_to(given.axis);
     rotation.frequency = given.frequency;
   }
+  // Two histories: the watch compares with the swimming alone, the filter with all that moves the
+  // robot, the sinking included.
   commands_.add(now, given.velocity);
   last_commanded_ = given.velocity;
   if (estimator_) estimator_->command(now, given.velocity + sinking());
@@ -272,6 +283,7 @@ void RotatingController::allocate(RotatingStep& step, const Eigen::Vector3d& pos
   step.currents =
       control::uniform_field_currents(model_.field.matrix(known), settings_.limits.currents);
   step.constant = -step.currents * model_.field.background(known).head<3>();
+  // The frequency is asked for the whole field, not for the part that the last turn could reach.
   control::Rotation whole = state_.rotation;
   whole.field = settings_.field;
   settings_.limits.update = update;

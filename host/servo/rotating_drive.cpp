@@ -56,13 +56,16 @@ RotatingDrive::RotatingDrive(Clock& clock, Rig& rig, Recorder& recorder,
 ControlStep RotatingDrive::step(double now,
                                 const std::optional<control::PositionMeasurement>& measured,
                                 ReferencePath& path, ControlMode mode, Time exposed) {
+  // An error of the rotor's task is thrown here, in the loop, whose end opens the interlock.
   rotor_.check();
   const RotatingStep turn = controller_.step(now, measured, path, mode, rotor_.interval());
+  // The reference waits: its begin is put off by the time that the robot is behind.
   path.begin += turn.behind;
   rotor_.turn(state().rotation, turn.currents, turn.constant);
   report(turn);
   record(exposed);
   ControlStep step;
+  // Currents go round many times between two frames: what is recorded is the last set-point.
   const std::vector<double> flowing = rig_.coils->currents();
   step.currents =
       Eigen::Map<const Eigen::VectorXd>(flowing.data(), static_cast<Eigen::Index>(flowing.size()));

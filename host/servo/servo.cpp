@@ -173,6 +173,7 @@ struct Servo::Loop {
   /// One turn: measurement, control, publication, record.
   /// The record comes after the currents, so that writing never delays them.
   void tick() {
+    // Before the frame is waited for: the localizer takes the axis as its prior for that frame.
     expect_axis();
     const auto [frame, observation] = source.next();
     // Seen means used: the dead-man is refreshed only where a plausible frame has come.
@@ -254,6 +255,8 @@ struct Servo::Loop {
   /// Alarms: inside the margin, and pushed against a wall that the position does not show. In that
   /// case the view is wrong by what it shows there, and is believed so from then on.
   void watch_walls(const Frame& frame, const control::Reference& target, const ControlStep& step) {
+    // Clearance and position are of this frame, the command of this turn: what the loop knew when
+    // it decided.
     report(step.kept_out, was_kept_out,
            "the keep-out margin changes the command: the robot would come nearer to a wall");
     if (!status.clearance || !status.position || may_touch || let_go) return walls.forget();
@@ -282,6 +285,7 @@ struct Servo::Loop {
     const RigModel& model = rig.model;
     Eigen::Vector3d force = control::force_at(model.field, model.robot, model.medium, currents,
                                               model.field.nearest_valid(*status.position));
+    // force_at() has the weight in it; what the currents do alone is wanted here.
     force.z() += model.robot.net_weight(model.medium);
     const Eigen::Vector3d driven = controller.drag_at(*status.position).inverse() * force;
     rig.coils->near(Interlock::Nearness{status.clearance->at_lens() ? "lens" : "retina",
@@ -457,6 +461,7 @@ struct Servo::Loop {
     pictures = wanted_pictures;
     pictures_taken = 0;
     mode = wanted;
+    // Behind the checks: a goal that is refused does not take a lost robot up again.
     let_go = false;
     corrections.clear();
     worst = {};
@@ -474,6 +479,8 @@ struct Servo::Loop {
   /// The end of the loop: zero current, and the interlock open after a failure until it is enabled
   /// again. A failure of that does not hide the first one.
   void shut(ServoState state, const std::string& failure) {
+    // The heartbeat goes first: a loop that is about to end must not trip the interlock's dead-man
+    // while it sets the coils to zero.
     const StopShield shield(clock);  // a stop of the run does not interrupt this
     heartbeat.reset();
     if (rotating) rotating->stop();

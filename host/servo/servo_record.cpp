@@ -17,6 +17,7 @@ namespace {
 constexpr std::size_t kTrail = 150;  // frames: 10 s at 15 fps
 
 /// What a row of the stream "servo" is made of.
+/// Borrowed for the one call in which the row is made.
 struct ServoTurn {
   const Observation& observation;
   const control::Reference& target;
@@ -60,6 +61,7 @@ const ServoChannel kPositionChannels[] = {
      [](const ServoTurn& t) { return t.target.position.z(); }},
 };
 
+// Of the image as it came: which place in the eye a pixel shows depends on the depth.
 const ServoChannel kImageChannels[] = {
     {{"u_px", "px", "center of the robot's ellipse", kTopImage},
      [](const ServoTurn& t) {
@@ -87,6 +89,7 @@ const ServoChannel kImageChannels[] = {
      [](const ServoTurn& t) { return t.observation.residual_px; }},
 };
 
+// The sigmas repeat the covariance's diagonal for readers that draw a band and nothing else.
 const ServoChannel kStateChannels[] = {
     {{"sigma_x", "m", "standard deviation of x: the root of cov_xx", kWorld},
      [](const ServoTurn& t) { return std::sqrt(covariance_of(t, 0, 0)); }},
@@ -231,6 +234,8 @@ StreamInfo command_stream() {
 /// (5.12).
 std::optional<Eigen::Vector2d> top_pixel(const RigModel& model, const Eigen::Vector3d& position) {
   if (!position.allFinite()) return std::nullopt;
+  // The projection is in the eye's frame, whose origin is the retina's vertex; its result is in m
+  // of the aerial image, and nothing for a position that has none.
   const auto m = model.projection.project(position - model.eye_in_world);
   if (!m) return std::nullopt;
   return model.top_image.pixel_from_m(*m);
@@ -316,6 +321,7 @@ void ServoRecord::clearance(Time exposed, const std::optional<control::Clearance
                             const RobotClearance& surface, const ControlStep& step) {
   const double unknown = std::nan("");
   const ClearanceBelief& belief = surface.belief();
+  // In the order of clearance_stream(); a row each turn, what is not known in it NaN.
   std::array<double, 14> row{unknown,
                              unknown,
                              unknown,
@@ -349,6 +355,7 @@ void ServoRecord::picture(const Frame& frame, const Observation& observation,
   if (observation.ellipse) overlay.tracked = observation.ellipse->ellipse;
   overlay.trail_px.assign(trail_.begin(), trail_.end());
   if (const auto pixel = top_pixel(rig_.model, target.position)) overlay.target_px = *pixel;
+  // The pixel's width is of the aerial image: the scale in the eye varies with depth.
   overlay.scale_bar_px = 1e-3 / rig_.model.top_image.pixel;
   overlay.scale_bar_label = "1 mm of aerial image";
   recorder_.picture("frame_" + std::to_string(frame.number), caption,
