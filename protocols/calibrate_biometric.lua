@@ -125,6 +125,10 @@ return {
         depth = "m",
         distance = "m",
         sigma = "m",
+      }, {
+        depth = "of the target before the retina",
+        distance = "of the condensing lens at which the target is sharpest",
+        sigma = "standard deviation of the distance",
       })
     end
     -- On the retina: the target lies 0.05 mm before it, which the law is told.

@@ -33,7 +33,11 @@ return {
       local step = calibrations.coil_latency(rig, run, { coil = coil, current = p.current })
       delays[coil], constants[coil] = step.delay, step.constant
       curves[coil] = { label = "coil " .. coil, x = step.times, y = step.values, mark = "points" }
-      run:record("step", { coil = coil, delay = step.delay, constant = step.constant }, { delay = "s", constant = "s" })
+      run:record("step", { coil = coil, delay = step.delay, constant = step.constant }, { delay = "s", constant = "s" }, {
+        coil = "number of the coil, from 1",
+        delay = "from the set-point to the first change of the field",
+        constant = "time constant of the change",
+      })
     end
     run:plot { title = "Field after a step of current", x = { "time", "s" }, y = { "field", "mT" }, series = curves }
     local delay, constant = statistics.median(delays), statistics.median(constants)

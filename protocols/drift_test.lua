@@ -66,7 +66,12 @@ local function leave_alone(run, rig, p, background, kind, found)
       run:record(
         "drift",
         { machine = found.machine, feedback = drift.index(kinds, kind), velocity = velocity },
-        { velocity = "m/s" }
+        { velocity = "m/s" },
+        {
+          machine = "number of the machine, from 0",
+          feedback = "number of the feedback among those that are compared, from 1",
+          velocity = "mean velocity of the drift, world axes",
+        }
       )
     end
     drift.add(found, kind, place.name, statistics.mean(speeds))

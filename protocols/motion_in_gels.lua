@@ -75,7 +75,13 @@ local function attempt(rig, run, model, robot, p, gel, way)
   run:record(
     "motion",
     { gel = gel, hard = robot == robots.ndfeb and 1 or 0, tumbled = way == "tumble" and 1 or 0, distance = went },
-    { distance = "m" }
+    { distance = "m" },
+    {
+      gel = "number of the gel in the thesis' tables 7.1 and 7.2",
+      hard = "1: the robot of hard magnet, 0: the soft one",
+      tumbled = "1: turned about itself, 0: pulled along",
+      distance = "how far it came",
+    }
   )
   return went
 end

@@ -80,7 +80,11 @@ local function trial(rig, run, p, background, number)
   local done, problem = pcall(servo.go_to, servo, target, { speed = p.speed, within = 0.5 * mm, settle = 0, timeout = 30 * s })
   local to = servo:status().position or from
   servo:snapshot("trial " .. number)
-  run:record("trial", { number = number, moved = (to - from):norm(), arrived = done and 1 or 0 }, { moved = "m" })
+  run:record("trial", { number = number, moved = (to - from):norm(), arrived = done and 1 or 0 }, { moved = "m" }, {
+    number = "number of the trial, from 1",
+    moved = "how far the robot came",
+    arrived = "1: it came to its target in time",
+  })
   return { tostring(number), format_quantity((to - from):norm(), "m"), done and "arrived" or tostring(problem):match("[^:]*$") },
     (to - from):norm()
 end

@@ -2,6 +2,7 @@
 // difference from then.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
+#include "host/cli/program.h"
 #include "host/cli/replay.h"
 #include "host/engine/installed_calibration.h"
 #include "host/files/run_folder.h"
@@ -60,6 +61,18 @@ class RecordedInstruments {
   std::filesystem::path folder_;
 };
 
+/// A file of the record on this machine, for what stands beside it: records name files without the
+/// machine's folders (host/record/portable_paths.h). From the present folder, the home, or the
+/// program's own.
+std::string file_here(const std::string& file) {
+  std::error_code error;
+  if (std::filesystem::exists(file, error)) return file;
+  const char* const home = std::getenv("HOME");
+  if (file.starts_with("~/") && home != nullptr) return home + file.substr(1);
+  const std::string own = cli::Program::in_data_folder(file);
+  return std::filesystem::exists(own, error) ? own : file;
+}
+
 /// The nominal model as the rig file of the run describes it; no instrument is opened.
 /// The rig is read from the texts in the record, not from today's files, and the calibration from
 /// what was in force then: the replay varies the program alone. The projection is fitted anew, as
@@ -70,7 +83,7 @@ RigModel model_of(ScriptEngine& engine, const RunData& data) {
   if (!rig.is_object() || !rig.contains("text") || !rig["text"].is_string())
     throw RecordError(data.folder.string() + ": its start record has no rig file");
   const auto source = [](const nlohmann::json& one) -> RigSource {
-    return {text_of(one, "file"), text_of(one, "text")};
+    return {file_here(text_of(one, "file")), text_of(one, "text")};
   };
   std::vector<RigSource> bases;
   for (const nlohmann::json& base : rig.value("bases", nlohmann::json::array()))

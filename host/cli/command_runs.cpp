@@ -2,35 +2,48 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
 #include "host/config/config.h"
-#include "host/runs/run_reader.h"
+#include "host/runs/catalog.h"
 #include "host/text/columns.h"
+#include "host/text/markup.h"
 #include "host/text/terminal_text.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
+#include <optional>
 #include <ostream>
+#include <set>
 #include <string_view>
 #include <vector>
 
 namespace vitreo {
 namespace {
 
-bool has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
+/// A text in quotes for a query; one that has both kinds of quotes is no part of any record's name.
+std::string quoted(const std::string& option, const std::string& text) {
+  const char quote = text.find('"') == std::string::npos ? '"' : '\'';
+  if (text.find(quote) != std::string::npos)
+    throw ConfigError(option + ": wants a text without both kinds of quotes");
+  return quote + text + quote;
 }
 
-// Times are compared as texts: ISO 8601 of one zone sorts as it reads, and --since is the beginning
-// of one, so only as many characters are compared as it has.
-bool wanted(const RunHead& head, const RunFilter& filter) {
-  if (!filter.protocol.empty() && !has(head.protocol, filter.protocol) &&
-      !has(head.title, filter.protocol))
-    return false;
-  if (!filter.operator_name.empty() && !has(head.operator_name, filter.operator_name)) return false;
-  if (!filter.state.empty() && head.state != filter.state) return false;
-  return filter.since.empty() || head.time.substr(0, filter.since.size()) >= filter.since;
+/// The options as one condition. Times are compared as texts: ISO 8601 of one zone sorts as it
+/// reads, and --since is the beginning of one, so only as many characters are compared as it has.
+std::string condition_of(const RunFilter& filter) {
+  std::vector<std::string> parts;
+  if (!filter.protocol.empty()) {
+    const std::string text = quoted("--protocol", filter.protocol);
+    parts.push_back(fmt::format("(protocol ~ {} or title ~ {})", text, text));
+  }
+  if (!filter.operator_name.empty())
+    parts.push_back("operator ~ " + quoted("--operator", filter.operator_name));
+  if (!filter.state.empty()) parts.push_back("outcome = " + filter.state);
+  if (!filter.since.empty()) parts.push_back("time >= " + filter.since);
+  return fmt::format("{}", fmt::join(parts, " and "));
 }
 
 /// The beginning of "2026-11-21T14:30:05" at least as far as the year, or nothing.
@@ -57,61 +70,167 @@ void check(const RunFilter& filter) {
                       filter.since);
 }
 
+/// Of a value: a number in SI, a text, or nothing.
+nlohmann::json json_of(const std::optional<CatalogValue>& value) {
+  if (!value || (!value->number && value->text.empty())) return nullptr;  // or not a number
+  if (value->text.empty() && value->number) return *value->number;
+  if (value->number) return value->text == "true";
+  return value->text;
+}
+
 // SI and untruncated, unlike the line for people below.
-nlohmann::json json_of(const RunHead& head) {
-  return {{"run", std::filesystem::path(head.folder).filename().string()},
-          {"folder", head.folder},
-          {"time", head.time},
-          {"protocol", head.protocol},
-          {"title", head.title},
-          {"operator", head.operator_name},
-          {"seed", head.seed},
-          {"outcome", head.state},
-          {"reason", head.reason},
-          {"experiment_time", head.experiment_time}};
+nlohmann::json json_of(const CatalogRow& row, const std::vector<std::string>& columns) {
+  const RunHead& head = row.head;
+  nlohmann::json json = {{"run", std::filesystem::path(head.folder).filename().string()},
+                         {"folder", head.folder},
+                         {"time", head.time},
+                         {"protocol", head.protocol},
+                         {"title", head.title},
+                         {"operator", head.operator_name},
+                         {"seed", head.seed},
+                         {"rig", head.rig},
+                         {"outcome", head.state},
+                         {"reason", head.reason},
+                         {"ended_by", head.ended_by},
+                         {"experiment_time", head.experiment_time}};
+  for (std::size_t i = 0; i < columns.size(); ++i)
+    json["values"][columns[i]] = json_of(row.columns[i]);
+  return json;
+}
+
+void print_json(const std::vector<CatalogRow>& rows, const std::vector<std::string>& columns,
+                std::ostream& out) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const CatalogRow& row : rows) list.push_back(json_of(row, columns));
+  out << list.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
+}
+
+/// RFC 4180.
+std::string csv_cell(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string cell = "\"";
+  for (const char c : text) cell += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return cell + "\"";
+}
+
+/// The SI unit of a column; of several all of them.
+std::string unit_of(const std::vector<CatalogRow>& rows, std::size_t column) {
+  std::set<std::string> units;
+  for (const CatalogRow& row : rows)
+    if (row.columns[column] && row.columns[column]->number) units.insert(row.columns[column]->unit);
+  return fmt::format("{}", fmt::join(units, " or "));
+}
+
+void print_csv(const std::vector<CatalogRow>& rows, const std::vector<std::string>& columns,
+               std::ostream& out) {
+  out << "run,outcome,time,protocol,title,operator,seed,rig,experiment_time (s),reason,ended_by";
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    const std::string unit = unit_of(rows, i);
+    out << "," << csv_cell(columns[i] + (unit.empty() ? "" : " (" + unit + ")"));
+  }
+  out << "\r\n";
+  for (const CatalogRow& row : rows) {
+    const RunHead& head = row.head;
+    out << csv_cell(std::filesystem::path(head.folder).filename().string());
+    for (const std::string& text :
+         {head.state, head.time, head.protocol, head.title, head.operator_name, head.seed, head.rig,
+          fmt::format("{}", head.experiment_time), head.reason, head.ended_by})
+      out << "," << csv_cell(text);
+    for (const auto& value : row.columns) {
+      out << ",";
+      if (!value) continue;
+      out << csv_cell(value->text.empty() && value->number ? fmt::format("{}", *value->number)
+                                                           : value->text);
+    }
+    out << "\r\n";
+  }
+}
+
+/// A column as people read it: its numbers in one unit.
+std::vector<std::string> shown_column(const std::vector<CatalogRow>& rows, std::size_t column) {
+  std::vector<double> numbers;
+  std::string unit;
+  for (const CatalogRow& row : rows) {
+    const auto& value = row.columns[column];
+    const bool number = value && value->number && value->text.empty();
+    numbers.push_back(number ? *value->number : std::nan(""));
+    if (number) unit = value->unit;
+  }
+  std::vector<double> known = numbers;
+  std::erase_if(known, [](double number) { return !std::isfinite(number); });
+  const ShownColumn shown = show_column(known, unit);
+  std::vector<std::string> cells;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto& value = rows[i].columns[column];
+    if (std::isfinite(numbers[i]))
+      cells.push_back(with_unit({shown.numbers[next++], shown.unit}));
+    else
+      cells.push_back(value && !value->text.empty() ? for_terminal(value->text, 40) : "-");
+  }
+  return cells;
+}
+
+/// Columns under their names, right-aligned: a text a row, the first that of the head.
+std::vector<std::string> columns_text(const std::vector<CatalogRow>& rows,
+                                      const std::vector<std::string>& columns) {
+  std::vector<std::string> lines(rows.size() + 1);
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    std::vector<std::string> cells = shown_column(rows, i);
+    cells.insert(cells.begin(), columns[i]);
+    std::size_t width = 0;
+    for (const std::string& one : cells) width = std::max(width, count_characters(one));
+    for (std::size_t k = 0; k < cells.size(); ++k)
+      lines[k] += "  " + std::string(width - count_characters(cells[k]), ' ') + cells[k];
+  }
+  return lines;
 }
 
 // A line a run: of the reason only the first line, without control characters, since it may be a
-// script's text. `time` is formatted by the caller, with all runs in one unit.
-void print(const RunHead& head, const std::string& time, std::ostream& out) {
-  out << fmt::format("{:<44} {:<10} {:>9}  {}{}\n",
-                     std::filesystem::path(head.folder).filename().string(), head.state, time,
-                     head.title,
-                     head.reason.empty()
-                         ? ""
-                         : ": " + for_terminal(head.reason.substr(0, head.reason.find('\n')), 300));
+// script's text.
+void print_text(const std::vector<CatalogRow>& rows, const std::vector<std::string>& columns,
+                std::ostream& out) {
+  std::vector<double> times;
+  for (const CatalogRow& row : rows) times.push_back(row.head.experiment_time);
+  const ShownColumn time = show_column(times, "s");
+  const std::vector<std::string> lines = columns_text(rows, columns);
+  if (!columns.empty() && !rows.empty())
+    out << fmt::format("{:<44} {:<10} {:>9}{}  title\n", "run", "outcome", "time", lines[0]);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const RunHead& head = rows[i].head;
+    const std::string why = head.reason.substr(0, head.reason.find('\n'));
+    out << fmt::format("{:<44} {:<10} {:>9}{}  {}{}\n",
+                       std::filesystem::path(head.folder).filename().string(), head.state,
+                       with_unit({time.numbers[i], time.unit}), lines[i + 1], head.title,
+                       head.reason.empty() ? "" : ": " + for_terminal(why, 300));
+  }
 }
 
 }  // namespace
 
-int list_runs(const std::filesystem::path& parent, const RunFilter& filter, bool json,
+int list_runs(const std::filesystem::path& parent, const RunFilter& filter, ListFormat format,
               std::ostream& out) {
   check(filter);
-  std::vector<RunHead> heads;
-  // read_head() reads the two short records, not the data, and does not throw: a broken run is
-  // listed as unreadable instead of ending the list.
-  for (const std::filesystem::path& folder : run_folders(parent)) {
-    RunHead head = read_head(folder);
-    if (wanted(head, filter)) heads.push_back(std::move(head));
-  }
+  Catalog catalog(parent);
+  const std::string options = condition_of(filter);
+  const CatalogRequest request{filter.where, filter.columns, filter.sort};
+  std::vector<CatalogRow> rows = catalog.find(request, options);
   // Counted after the filter, so that `--protocol x --newest 5` is the five newest of that
   // protocol.
   const auto newest = static_cast<std::size_t>(filter.newest);
-  if (newest > 0 && heads.size() > newest) heads.erase(heads.begin(), heads.end() - filter.newest);
-  if (json) {
-    nlohmann::json rows = nlohmann::json::array();
-    for (const RunHead& head : heads) rows.push_back(json_of(head));
-    out << rows.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
-    return 0;
+  if (newest > 0 && rows.size() > newest) rows.erase(rows.begin(), rows.end() - filter.newest);
+  switch (format) {
+    case ListFormat::json:
+      print_json(rows, filter.columns, out);
+      return 0;
+    case ListFormat::csv:
+      print_csv(rows, filter.columns, out);
+      return 0;
+    case ListFormat::text:
+      print_text(rows, filter.columns, out);
   }
-  std::vector<double> times;
-  for (const RunHead& head : heads) times.push_back(head.experiment_time);
-  const ShownColumn column = show_column(times, "s");
-  for (std::size_t i = 0; i < heads.size(); ++i)
-    print(heads[i], with_unit({column.numbers[i], column.unit}), out);
-  const bool filtered = !filter.protocol.empty() || !filter.operator_name.empty() ||
-                        !filter.state.empty() || !filter.since.empty();
-  if (heads.empty())
+  const bool filtered = !options.empty() || !filter.where.empty();
+  if (rows.empty())
     out << "no " << (filtered ? "such " : "") << "runs in " << parent.string() << "\n";
   return 0;
 }

@@ -9,11 +9,13 @@
 #include "host/record/recorder.h"
 #include "host/runs/results_text.h"
 #include "host/runs/run_reader.h"
+#include "host/text/markup.h"
 #include "host/text/terminal_text.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <ostream>
 #include <set>
 #include <vector>
@@ -27,9 +29,13 @@ nlohmann::json streams_of(const RunData& data) {
   for (const Stream& stream : data.streams) {
     nlohmann::json channels = nlohmann::json::array();
     for (const Channel& channel : stream.info.channels)
-      channels.push_back({{"name", channel.name}, {"unit", channel.unit}});
+      channels.push_back({{"name", channel.name},
+                          {"unit", channel.unit},
+                          {"help", channel.help},
+                          {"axes", channel.axes}});
     list.push_back({{"name", stream.info.name},
                     {"source", stream.info.source},
+                    {"clock", stream.info.clock},
                     {"channels", channels},
                     {"samples", stream.times.size()}});
   }
@@ -51,6 +57,11 @@ nlohmann::json json_of(const RunData& data, const RunHead& head) {
   json["protocol_hash"] = sha256(data.start.protocol_text);
   json["modules"] = nlohmann::json::object();
   for (const Module& module : data.modules) json["modules"][module.name] = sha256(module.text);
+  json["record_version"] = data.version;
+  json["tables"] = nlohmann::json::array();
+  for (const Table& table : data.tables)
+    json["tables"].push_back(
+        {{"title", table.title}, {"header", table.header}, {"rows", table.rows}});
   json["events"] = nlohmann::json::array();
   for (const Event& event : data.events)
     json["events"].push_back(
@@ -63,6 +74,36 @@ std::string text_of(const nlohmann::json& value) {
   return value.is_string() ? value.get<std::string>() : dumped(value);
 }
 
+void print_labels(const char* what, const nlohmann::json& labels, std::ostream& out) {
+  if (!labels.is_object()) return;
+  for (const auto& [name, value] : labels.items())
+    out << fmt::format("{:<9} {} = {}\n", what, for_terminal(name), for_terminal(text_of(value)));
+}
+
+/// In columns as wide as their widest cell.
+void print(const Table& table, std::ostream& out) {
+  std::vector<std::size_t> widths;
+  const auto widen = [&widths](const std::vector<std::string>& cells) {
+    widths.resize(std::max(widths.size(), cells.size()));
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      widths[i] = std::max(widths[i], count_characters(for_terminal(cells[i])));
+  };
+  widen(table.header);
+  for (const auto& row : table.rows) widen(row);
+  const auto line = [&](const std::vector<std::string>& cells) {
+    std::string text = " ";
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      const std::string cell = for_terminal(cells[i]);
+      text += " " + cell + std::string(widths[i] - count_characters(cell) + 1, ' ');
+    }
+    text.erase(text.find_last_not_of(' ') + 1);
+    out << text << "\n";
+  };
+  out << "table     " << for_terminal(table.title) << "\n";
+  line(table.header);
+  for (const auto& row : table.rows) line(row);
+}
+
 void print(const RunData& data, const RunHead& head, std::ostream& out) {
   out << fmt::format("{}\n{}: {}{}{}\n", data.folder.filename().string(), data.start.protocol_title,
                      head.state, head.reason.empty() ? "" : ": ", for_terminal(head.reason));
@@ -71,12 +112,17 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
                      data.start.versions.is_object()
                          ? text_of(data.start.versions.value("commit", nlohmann::json("")))
                          : "");
+  if (data.end && !data.end->cause.by.empty())
+    out << fmt::format("ended by  {}\n", for_terminal(cause_text(data.end->cause)));
+  print_labels("tag", data.start.tags, out);
+  print_labels("sample", data.start.sample, out);
   if (const std::string rest = coil_rest_text(data); !rest.empty())
     out << fmt::format("at end    {}\n", for_terminal(rest));
   if (data.start.parameters.is_object())
     for (const auto& [name, value] : data.start.parameters.items())
       out << fmt::format("  {:<26} {}\n", name, parameter_text(data.start, name, value));
   out << results_text(data.results);
+  for (const Table& table : data.tables) print(table, out);
   for (const Stream& stream : data.streams)
     out << fmt::format("stream {:<21} {} samples, {} channels, {}\n", stream.info.name,
                        stream.times.size(), stream.info.channels.size(), stream.info.source);
@@ -85,8 +131,9 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
                        data.folder.filename().string());
   const nlohmann::json numbers = summary(data);
   for (const auto& [camera, counts] : numbers.at("frames").items())
-    out << fmt::format("frames {:<21} {} recorded, {} dropped\n", camera,
-                       dumped(counts.at("recorded")), dumped(counts.at("dropped")));
+    out << fmt::format("frames {:<21} {} recorded, {} dropped by the recorder, {} lost before it\n",
+                       camera, dumped(counts.at("recorded")), dumped(counts.at("dropped")),
+                       dumped(counts.at("lost")));
   for (const Event& event : data.events)
     // The events that explain an outcome; the others are in the report and under --json.
     if (event.kind.starts_with("alarm") || event.kind == "error" || event.kind == "override")

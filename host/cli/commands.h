@@ -14,14 +14,19 @@ namespace vitreo {
 class ScriptEngine;
 
 struct RunFilter {
-  std::string protocol;       // a part of the protocol's file or title
-  std::string operator_name;  // a part of the name
-  std::string state;          // "completed", "lost", ...
-  std::string since;          // "2026-11-21", "2026-11-21T14:30": the beginning of a time
-  int newest = 0;             // only so many; 0: all
+  std::string protocol;              // a part of the protocol's file or title
+  std::string operator_name;         // a part of the name
+  std::string state;                 // "completed", "lost", ...
+  std::string since;                 // "2026-11-21", "2026-11-21T14:30": the beginning of a time
+  int newest = 0;                    // only so many; 0: all
+  std::string where;                 // an expression: host/runs/run_query.h
+  std::vector<std::string> columns;  // names of values beside the usual ones
+  std::vector<std::string> sort;     // names of values, with "-" before one: the largest first
 };
 
-int list_runs(const std::filesystem::path& parent, const RunFilter& filter, bool json,
+enum class ListFormat { text, json, csv };
+
+int list_runs(const std::filesystem::path& parent, const RunFilter& filter, ListFormat format,
               std::ostream& out);
 int show_run(const std::filesystem::path& folder, bool json, std::ostream& out);
 /// What passed on the links of a run that was traced; `role`: of that role alone, empty: of all.

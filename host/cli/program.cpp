@@ -130,6 +130,14 @@ void add_run_options(Command& command, RunOptions& options) {
               "breaks a simulated instrument: ROLE:KIND:after=3s,lasting=1s,by=80ms; `vitreo "
               "faults` lists the kinds")
       .one_word_each();
+  command
+      .option("--tag", options.request.what.tags,
+              "key=value, for the record: vitreo runs --where finds the run by it")
+      .one_word_each();
+  command
+      .option("--sample", options.request.what.sample,
+              "what is known of the sample: eye=, species=, age=, removed=2026-11-24T08:10, robot=")
+      .one_word_each();
   command.flag("--trace-links", options.request.how.trace_links,
                "every byte between the host and its instruments goes into the record: vitreo show "
                "RUN --links");

@@ -24,6 +24,7 @@ struct RecordWords {
   std::string plots;
   RunFilter filter;
   bool json = false;
+  bool as_csv = false;
   bool png = false;
   bool links = false;
   bool replace = false;
@@ -64,8 +65,21 @@ void add_records(CommandLine& line, Program& program) {
     return command;
   };
   const RecordWords& w = *wanted;  // kept by the actions' own copy of the pointer
-  Command runs = add("runs", "the recorded runs, newest last",
-                     [wanted, &w] { return list_runs(w.parent, w.filter, w.json, std::cout); });
+  Command runs = add("runs", "the recorded runs, newest last", [wanted, &w] {
+    if (w.json && w.as_csv) throw ConfigError("--json, --as-csv: one of them");
+    const ListFormat format = w.json     ? ListFormat::json
+                              : w.as_csv ? ListFormat::csv
+                                         : ListFormat::text;
+    return list_runs(w.parent, w.filter, format, std::cout);
+  });
+  runs.option("--where", wanted->filter.where,
+              "only those that fulfil this, such as 'speed > 0.3mm/s and path_error_rms < 150um'");
+  runs.option("--columns", wanted->filter.columns,
+              "also these parameters, results, tags and sample fields: speed,tag.batch,sample.eye")
+      .delimiter(',');
+  runs.option("--sort", wanted->filter.sort, "by these, the largest first: --sort=-path_error_rms")
+      .delimiter(',');
+  runs.flag("--as-csv", wanted->as_csv, "as CSV, numbers in SI units, which the head names");
   runs.option("--protocol", wanted->filter.protocol, "only those with this in protocol or title");
   runs.option("--operator", wanted->filter.operator_name,
               "only those with this in the operator's name");
@@ -74,8 +88,10 @@ void add_records(CommandLine& line, Program& program) {
   runs.option("--since", wanted->filter.since,
               "only from this time on: 2026-11-21, 2026-11-21T14:30");
   runs.option("--newest", wanted->filter.newest, "only so many").between(1, 1000000);
-  runs.examples(
-      {"vitreo runs --protocol servo_square --newest 5", "vitreo runs --outcome failed --json"});
+  runs.examples({"vitreo runs --protocol servo_square --newest 5",
+                 "vitreo runs --outcome failed --json",
+                 "vitreo runs --where 'speed > 0.3mm/s and path_error_rms < 150um' --columns speed",
+                 "vitreo runs --where 'tag.batch = a1 or text ~ gel' --sort=-path_error_rms"});
   Command shown =
       add_one("show", "what a run was asked, what came out, what is recorded", [wanted, &w] {
         return w.links ? show_links(w.folder(), w.role, w.json, std::cout)

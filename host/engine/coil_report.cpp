@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/engine/coil_report.h"
 
+#include "host/record/meaning.h"
+
 #include <fmt/format.h>
 
 #include <chrono>
@@ -33,9 +35,10 @@ int stream_of(Recorder& recorder, std::size_t coils) {
   const std::vector<Stream>& streams = recorder.streams();
   for (std::size_t i = 0; i < streams.size(); ++i)
     if (streams[i].info.name == kCoilReadBack) return static_cast<int>(i);
-  StreamInfo info{kCoilReadBack, "currents that were read back after the coils were made safe", {}};
+  StreamInfo info{
+      kCoilReadBack, "currents that were read back after the coils were made safe", {}, kReadBack};
   for (std::size_t coil = 1; coil <= coils; ++coil)
-    info.channels.push_back({"i" + std::to_string(coil), "A"});
+    info.channels.push_back({"i" + std::to_string(coil), "A", "current that was read back"});
   return recorder.add_stream(info);
 }
 

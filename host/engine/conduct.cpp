@@ -53,7 +53,8 @@ class FaceScope {
 class RecordingGuard {
  public:
   RecordingGuard(Recorder& recorder, RunControl& control) : recorder_(recorder) {
-    recorder_.on_fault([&control] { control.request(StopTier::stop, "because recording failed"); });
+    recorder_.on_fault(
+        [&control] { control.request(StopTier::stop, "because recording failed", {"recorder"}); });
   }
   ~RecordingGuard() { recorder_.on_fault({}); }
   RecordingGuard(const RecordingGuard&) = delete;
@@ -69,10 +70,12 @@ void note_clock(const RunStage& stage) {
   if (stage.rig->laboratory() != nullptr) return;
   const Time now = stage.clock->now();
   const Time monotonic = std::chrono::steady_clock::now().time_since_epoch() - now;
-  stage.recorder->event(
-      now, "clock",
-      fmt::format("0 s is {}, and {:.6f} s of the monotonic clock",
-                  utc_text(std::chrono::system_clock::now() - now), to_seconds(monotonic)));
+  const std::chrono::system_clock::time_point zero(
+      std::chrono::duration_cast<std::chrono::system_clock::duration>(
+          Time(*stage.recorder->start().t0_utc_ns)));
+  stage.recorder->event(now, "clock",
+                        fmt::format("0 s is {}, and {:.6f} s of the monotonic clock",
+                                    utc_text(zero), to_seconds(monotonic)));
 }
 
 /// Act one: the session with all that is attached to it. It dies in reverse order, the faces before
@@ -106,6 +109,10 @@ class RunSession {
     session_.faults = &faults_;
     for (const Fault& fault : stage.faults) faults_.add(fault);
     if (request.how.companion) request.how.companion(session_);
+    if (session_.rig.coils != nullptr)
+      if (auto warmth =
+              observe_coil_temperatures(*stage.clock, *session_.rig.coils, *stage.recorder))
+        session_.keep(std::move(warmth));
     const double period = truth_period(session_.rig);
     sim::Laboratory* const world = stage.rig->laboratory();
     if (world != nullptr) record_machine(*stage.recorder, stage.clock->now(), *world);
@@ -139,8 +146,12 @@ void give_up(RunStage& stage, const RunControl& control, double began) {
   for (const std::string& failure : control.failures())
     stage.recorder->event(stage.clock->now(), "unsafe", failure);
   try {
-    stage.recorder->finish(
-        {Outcome::aborted, reason, to_seconds(stage.clock->now()), wall_seconds() - began});
+    stage.recorder->finish({Outcome::aborted,
+                            reason,
+                            to_seconds(stage.clock->now()),
+                            wall_seconds() - began,
+                            "",
+                            {"watchdog"}});
   } catch (const std::exception& error) {
     std::cerr << "vitreo: " << error.what() << "\n";
   }
@@ -169,7 +180,8 @@ class TripReport {
       stage.recorder->event(stage.clock->now(), "interlock", trip.why);
       session.raise("interlock", AlarmPriority::high, trip.why + "; the coils are at zero");
       // What a script may come back from is a trip of its own doing, not a broken instrument.
-      if (trip.broken) session.control.request(StopTier::abort, "because " + trip.why);
+      if (trip.broken)
+        session.control.request(StopTier::abort, "because " + trip.why, {"interlock"});
     });
     coils_->on_rest([&stage](const CoilRest& rest) { record_rest(stage, rest); });
   }
@@ -216,7 +228,8 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
   // From here on a fault of the disk is read here, not signalled to the script.
   const std::string fault = stage.recorder->fault();
   // A failed disk ends a run as a lost device would.
-  if (!fault.empty()) verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + fault};
+  if (!fault.empty())
+    verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + fault, {"recorder"}};
   session.control.detach();
   session.control.set_phase(RunPhase::ended);
   session.note_alarms();
@@ -228,7 +241,7 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
   for (const std::string& failure : stage.rig->make_safe()) {
     stage.recorder->event(stage.clock->now(), "unsafe", failure);
     if (verdict.outcome == Outcome::completed)
-      verdict = {Outcome::aborted, ExitCode::aborted, failure};
+      verdict = {Outcome::aborted, ExitCode::aborted, failure, {"device"}};
   }
   // Whatever was sent: the record says what is.
   if (session.rig.coils != nullptr) {
@@ -249,12 +262,15 @@ void close_record(RunStage& stage, Verdict& verdict, const std::string& location
   stage.recorder->result({"experiment_time", experiment_time, "s"});
   stage.recorder->result({"wall_time", wall_time, "s"});
   try {
-    stage.recorder->finish({verdict.outcome, verdict.reason, experiment_time, wall_time, location});
+    stage.recorder->finish(
+        {verdict.outcome, verdict.reason, experiment_time, wall_time, location, verdict.cause});
   } catch (const std::exception& error) {
     // Of the disk: the outputs are safe, and what could be saved was.
     if (verdict.exit_code != ExitCode::aborted)
-      verdict = {Outcome::aborted, ExitCode::aborted,
-                 std::string("recording failed: ") + error.what()};
+      verdict = {Outcome::aborted,
+                 ExitCode::aborted,
+                 std::string("recording failed: ") + error.what(),
+                 {"recorder"}};
   }
 }
 
@@ -279,7 +295,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
   } catch (const std::exception& error) {  // of the engine itself; the record says so
     for (const std::string& failure : stage.rig->make_safe())
       stage.recorder->event(stage.clock->now(), "unsafe", failure);
-    verdict = {Outcome::failed, ExitCode::internal, error.what()};
+    verdict = {Outcome::failed, ExitCode::internal, error.what(), {"program"}};
   }
   close_record(stage, verdict, location, began);
   write_log("run " + folder + " " + for_terminal(to_string(verdict)));

@@ -22,6 +22,8 @@ struct RunRequest {
     std::vector<std::string> arguments;  // "name=value"
     std::vector<std::string> answers;    // to questions: "name=value", or "value" in their order
     std::vector<std::string> frames;     // cameras to record: "top_camera", "side_camera/5"
+    std::vector<std::string> tags{};     // "key=value"
+    std::vector<std::string> sample{};   // "eye=pig 7": fields of host/record/run_labels.h
   };
   struct Where {
     std::string rig_file;

@@ -3,12 +3,15 @@
 
 #include "host/config/rights.h"
 #include "host/engine/installed_calibration.h"
+#include "host/record/run_labels.h"
 #include "host/rig/registry.h"
 #include "host/rig/rig_settings.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
+#include <stdexcept>
 
 namespace vitreo {
 namespace {
@@ -48,6 +51,37 @@ std::vector<FramePolicy> frame_policies(const std::vector<std::string>& words,
   return policies;
 }
 
+/// Each "key=value" given to `set`. Throws ConfigError naming the option.
+void take_labels(const std::string& option, const std::vector<std::string>& words,
+                 const std::function<void(const std::string&, const std::string&)>& set) {
+  for (const std::string& word : words) {
+    try {
+      const auto [key, value] = key_and_value(word);
+      set(key, value);
+    } catch (const std::invalid_argument& problem) {
+      throw ConfigError(option + ": " + problem.what());
+    }
+  }
+}
+
+/// Tags, and the sample as the rig file knows it; what the request says of it comes last.
+void check_labels(const RunRequest& request, CheckedRequest& checked) {
+  const auto set_field = [&checked](const std::string& field, const std::string& value) {
+    set_sample_field(checked.sample, field, value);
+  };
+  const auto table = checked.rig.table.find("sample");
+  if (table != checked.rig.table.end())
+    if (const auto* const known = std::get_if<ConfigTable>(&table->second.value))
+      for (const std::string& field : sample_fields())
+        if (const std::string text = text_of(*known, field); !text.empty())
+          take_labels(checked.rig.file + ": sample", {field + "=" + text}, set_field);
+  take_labels("--sample", request.what.sample, set_field);
+  take_labels("--tag", request.what.tags,
+              [&checked](const std::string& key, const std::string& value) {
+                set_tag(checked.tags, key, value);
+              });
+}
+
 /// The rig file; the roles that it has. `kinds`: as check_rig() has it.
 std::vector<std::string> check_place(ScriptEngine& engine, const RunRequest& request,
                                      CheckedRequest& checked,
@@ -55,7 +89,9 @@ std::vector<std::string> check_place(ScriptEngine& engine, const RunRequest& req
   checked.rig = engine.load_rig(request.where.rig_file);
   // Before the bounds are checked: the values in force are those that must be within them.
   take_installed_calibration(checked.rig, request.where.out);
-  return check_rig(checked.rig, kinds);
+  std::vector<std::string> roles = check_rig(checked.rig, kinds);
+  check_labels(request, checked);
+  return roles;
 }
 
 }  // namespace

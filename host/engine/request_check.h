@@ -18,6 +18,8 @@ struct CheckedRequest {
   std::map<std::string, ArgumentValue> arguments;
   RigDescription rig;
   std::vector<FramePolicy> frames;  // of the cameras that are to be recorded
+  nlohmann::json tags = nlohmann::json::object();
+  nlohmann::json sample = nlohmann::json::object();  // as the rig file knows it, and the request
 };
 
 /// Parameters against their ranges, the rig file against its bounds, the roles that the protocol

@@ -18,21 +18,21 @@ Verdict judge(const std::function<void()>& body, const RunControl& control) {
     // A requested end; its tier says whether clean-up came first.
   } catch (const Stopped&) {
     if (control.tier() < StopTier::abort)
-      return {Outcome::stopped, ExitCode::stopped, "stopped " + control.reason()};
+      return {Outcome::stopped, ExitCode::stopped, "stopped " + control.reason(), control.cause()};
     const bool emergency = control.tier() == StopTier::emergency;
     return {Outcome::aborted, ExitCode::aborted,
-            (emergency ? "emergency stop " : "aborted ") + control.reason()};
+            (emergency ? "emergency stop " : "aborted ") + control.reason(), control.cause()};
     // A lost device: the safe state was forced, so "aborted".
   } catch (const DeviceError& error) {
     // What lies beyond a limit is the script's mistake: no instrument failed, nothing was sent.
     if (error.kind == DeviceErrorKind::out_of_range)
       return {Outcome::failed, ExitCode::script_error, error.what()};
-    return {Outcome::aborted, ExitCode::aborted, error.what()};
+    return {Outcome::aborted, ExitCode::aborted, error.what(), {"device", error.device}};
     // A fault of the protocol, not of the program.
   } catch (const ScriptError& error) {
     return {Outcome::failed, ExitCode::script_error, error.what()};
   } catch (const std::exception& error) {
-    return {Outcome::failed, ExitCode::internal, error.what()};
+    return {Outcome::failed, ExitCode::internal, error.what(), {"program"}};
   }
 }
 

@@ -31,6 +31,7 @@ struct Verdict {
   Outcome outcome = Outcome::completed;
   ExitCode exit_code = ExitCode::completed;
   std::string reason;  // empty when completed
+  EndCause cause{"protocol"};
 };
 /// "stopped: by the operator".
 std::string to_string(const Verdict& verdict);

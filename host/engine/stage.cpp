@@ -82,6 +82,14 @@ RunStart start_record(const RunRequest& request, const CheckedRequest& checked,
   start.operator_name = operator_of(request);
   start.devices = stage.devices;
   start.files = hashes_of_files(start.rig);
+  start.tags = checked.tags;
+  start.sample = checked.sample;
+  // One moment of both clocks.
+  const Time now = stage.clock->now();
+  const auto wall = std::chrono::system_clock::now().time_since_epoch();
+  start.t0_utc_ns = (std::chrono::duration_cast<Time>(wall) - now).count();
+  start.clock =
+      stage.rig->laboratory() == nullptr || stage.pace == Pace::real_time ? "real" : "virtual";
   return start;
 }
 

@@ -67,7 +67,8 @@ void Watchdog::check_ending() {
   report();
   if (!aborting && *stopping > limits_.clean_up) {
     control_.request(StopTier::abort,
-                     control_.reason() + "; its clean-up took too long after the stop");
+                     control_.reason() + "; its clean-up took too long after the stop",
+                     {"watchdog"});
     return;
   }
   if (!aborting) return;

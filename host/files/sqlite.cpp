@@ -11,10 +11,18 @@ namespace {
 [[noreturn]] void fail(sqlite3* database) {
   const char* file = database ? sqlite3_db_filename(database, "main") : nullptr;
   const char* reason = database ? sqlite3_errmsg(database) : "out of memory";
-  throw std::runtime_error(std::string(file ? file : "SQLite") + ": " + reason);
+  throw DatabaseError(std::string(file ? file : "SQLite") + ": " + reason,
+                      database ? sqlite3_errcode(database) : SQLITE_NOMEM);
 }
 
 }  // namespace
+
+// SQLITE_ERROR is that of a statement for which the file has no table.
+bool DatabaseError::damaged() const {
+  const int primary = code_ & 0xFF;  // extended codes keep it in the low byte
+  return primary == SQLITE_CORRUPT || primary == SQLITE_NOTADB || primary == SQLITE_ERROR ||
+         primary == SQLITE_FORMAT || primary == SQLITE_SCHEMA || primary == SQLITE_MISMATCH;
+}
 
 // SQL's double quotes, inner ones doubled; SQLite would end the name at a NUL.
 std::string quoted_identifier(std::string_view name) {
@@ -62,6 +70,11 @@ Statement& Statement::bind(int index, std::span<const std::uint8_t> bytes) {
   const void* data = bytes.empty() ? static_cast<const void*>("") : bytes.data();  // null: NULL
   if (sqlite3_bind_blob64(handle_.get(), index, data, bytes.size(), SQLITE_TRANSIENT) != SQLITE_OK)
     fail(sqlite3_db_handle(handle_.get()));
+  return *this;
+}
+
+Statement& Statement::bind_null(int index) {
+  if (sqlite3_bind_null(handle_.get(), index) != SQLITE_OK) fail(sqlite3_db_handle(handle_.get()));
   return *this;
 }
 
@@ -114,7 +127,7 @@ Database::Database(const std::string& file, Mode mode) {
       sqlite3_open_v2(file.c_str(), &database, flags | SQLITE_OPEN_PRIVATECACHE, nullptr);
   // Also after an error SQLite hands out a connection, and it must be closed.
   handle_.reset(database);
-  if (result != SQLITE_OK) throw std::runtime_error(file + ": " + sqlite3_errstr(result));
+  if (result != SQLITE_OK) throw DatabaseError(file + ": " + sqlite3_errstr(result), result);
   // ms. In WAL mode readers never hold up a writer, but for its last checkpoint.
   sqlite3_busy_timeout(database, 250);
 }

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,8 +18,20 @@ namespace vitreo {
 /// one with a NUL byte.
 std::string quoted_identifier(std::string_view name);
 
-/// A prepared statement. Bindings count from 1; text is copied. Errors throw std::runtime_error
-/// naming the file.
+/// An error of SQLite's; the text names the file.
+class DatabaseError : public std::runtime_error {
+ public:
+  DatabaseError(const std::string& what, int code) : std::runtime_error(what), code_(code) {}
+  int code() const { return code_; }
+  /// The file is not what was expected: damaged, no database, or with other tables. Not: locked, no
+  /// room, no right, an error of the disk.
+  bool damaged() const;
+
+ private:
+  int code_;
+};
+
+/// A prepared statement. Bindings count from 1; text is copied. Errors throw DatabaseError.
 class Statement {
  public:
   Statement(sqlite3* database, const std::string& sql);
@@ -26,6 +39,7 @@ class Statement {
   Statement& bind(int index, double value);  // a NaN becomes NULL, as SQLite has it
   Statement& bind(int index, std::string_view text);
   Statement& bind(int index, std::span<const std::uint8_t> bytes);  // a BLOB, copied
+  Statement& bind_null(int index);
   /// Runs to the next row; false at the end, and the statement is ready again.
   bool step();
   /// Runs it once, for statements without rows.
@@ -51,7 +65,7 @@ class Database {
   Database(const std::string& file, Mode mode);
   void execute(const std::string& sql);
   Statement prepare(const std::string& sql) { return {handle_.get(), sql}; }
-  /// Writes everything into the one file; throws std::runtime_error when something still uses the
+  /// Writes everything into the one file; throws DatabaseError when something still uses the
   /// database.
   void close();
 

@@ -13,14 +13,15 @@ constexpr auto kFrameSyncAfter = std::chrono::seconds(1);
 
 /// What stands beside each image in the stack. `vitreo recover` makes the missing rows from it.
 nlohmann::json metadata_of(const RecordedCameraInfo& info, const Frame& frame,
-                           std::uint64_t dropped_before) {
+                           const MissingFrames& missing) {
   nlohmann::json json = {
       {"Camera", info.camera},
       {"Number", frame.number},
       {"Exposed-ns", frame.exposed.count()},
       {"Received-ns", frame.received.count()},
       {"ElapsedTime-ms", static_cast<double>(frame.exposed.count()) * 1e-6},  // Micro-Manager's key
-      {"DroppedBefore", dropped_before}};
+      {"DroppedBefore", missing.dropped},
+      {"LostBefore", missing.lost}};
   if (frame.device) json["Device-ns"] = frame.device->count();
   json["BitDepth"] = frame.bits;  // Micro-Manager's key
   return json;
@@ -51,15 +52,15 @@ void FrameStore::open(Stack& stack, const Frame& frame) {
       std::make_unique<NdtiffWriter>(folder_ / "frames" / name, name, summary, largest_stack_);
 }
 
-void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dropped_before) {
+void FrameStore::write(std::size_t camera, const Frame& frame, const MissingFrames& missing) {
   Stack& stack = stacks_.at(camera);
   if (!stack.writer) open(stack, frame);
   // All bits that the camera gave. A window into a larger image has gaps between its rows; file and
   // CRC-32 are of the pixels without them.
   const cv::Mat& pixels = frame.deep.empty() ? frame.image : frame.deep;
   const cv::Mat image = pixels.isContinuous() ? pixels : pixels.clone();
-  const NdtiffEntry entry = stack.writer->write({{"time", stack.count}}, image,
-                                                metadata_of(stack.info, frame, dropped_before));
+  const NdtiffEntry entry =
+      stack.writer->write({{"time", stack.count}}, image, metadata_of(stack.info, frame, missing));
   ++stack.count;
   FrameRow row;
   row.camera = stack.info.camera;
@@ -76,7 +77,8 @@ void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dro
   // Of the image in memory, before the disk had it: what comes back is compared with what the
   // camera gave.
   row.crc32 = crc32(image.data, entry.pixel_bytes());
-  row.dropped_before = dropped_before;
+  row.dropped_before = missing.dropped;
+  row.lost_before = missing.lost;
   bytes_ += row.bytes;
   // The first row that waits starts the clock of write_rows().
   if (named_ == rows_.size()) waiting_since_ = std::chrono::steady_clock::now();

@@ -24,7 +24,7 @@ class FrameStore {
   FrameStore(std::filesystem::path folder, std::uint64_t largest_stack);
   void add(const RecordedCameraInfo& info);
   /// Pixels and index entry are written when this returns; the row comes with write_rows().
-  void write(std::size_t camera, const Frame& frame, std::uint64_t dropped_before);
+  void write(std::size_t camera, const Frame& frame, const MissingFrames& missing);
   /// Once a second, or `now`: waits until the pixels are on the disk, then commits the rows that
   /// name them.
   void write_rows(RecordFile& file, bool now);

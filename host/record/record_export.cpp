@@ -57,7 +57,8 @@ ParameterUnits parameter_units(const RunStart& start) {
   return found;
 }
 
-/// By camera: frames in the record, and frames that the disk was too slow for.
+/// By camera: frames in the record, frames that the disk was too slow for, and exposures that never
+/// came.
 nlohmann::json frame_counts(const RunData& data) {
   nlohmann::json frames = nlohmann::json::object();
   for (std::size_t i = 0; i < data.cameras.size(); ++i) {
@@ -65,7 +66,8 @@ nlohmann::json frame_counts(const RunData& data) {
     const auto recorded = std::count_if(data.frames.begin(), data.frames.end(),
                                         [&](const FrameRow& row) { return row.camera == camera; });
     frames[camera] = {{"recorded", recorded},
-                      {"dropped", i < data.dropped.size() ? data.dropped[i] : 0}};
+                      {"dropped", i < data.dropped.size() ? data.dropped[i] : 0},
+                      {"lost", i < data.lost.size() ? data.lost[i] : 0}};
   }
   return frames;
 }
@@ -132,6 +134,14 @@ nlohmann::json summary(const RunData& data) {
           {"protocol", data.start.protocol_file},
           {"title", data.start.protocol_title},
           {"operator", data.start.operator_name},
+          {"tags", data.start.tags.is_object() ? data.start.tags : nlohmann::json::object()},
+          {"sample", data.start.sample.is_object() ? data.start.sample : nlohmann::json::object()},
+          {"t0_utc_ns", data.start.t0_utc_ns ? nlohmann::json(*data.start.t0_utc_ns) : nullptr},
+          {"clock", data.start.clock},
+          {"ended_by", end ? end->cause.by : ""},
+          {"ended_name", end ? end->cause.name : ""},
+          {"ended_face", end ? end->cause.face : ""},
+          {"ended_signal", end ? end->cause.signal : ""},
           {"seed", data.start.seed},
           {"parameters", data.start.parameters},
           {"parameter_units", parameters.units},

@@ -4,6 +4,7 @@
 #include "host/files/digest.h"
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
+#include "host/record/meaning.h"
 #include "host/record/record_json.h"
 #include "host/record/record_schema.h"
 
@@ -42,10 +43,17 @@ RecordFile::RecordFile(const std::filesystem::path& file, const RunStart& start)
   database_.execute("PRAGMA journal_mode=WAL");
   database_.execute("PRAGMA synchronous=FULL");
   begin();
-  database_.execute(kRecordSchema);
+  database_.execute(create_tables());
+  write_meanings();
   write_start(start);
   commit();
   database_.execute("PRAGMA synchronous=NORMAL");
+}
+
+void RecordFile::write_meanings() {
+  Statement insert = database_.prepare("INSERT INTO meaning VALUES(?,?,?,?)");
+  for (const Meaning& one : meanings())
+    insert.bind(1, one.kind).bind(2, one.name).bind(3, one.unit).bind(4, one.text).run();
 }
 
 // The hash of the rig is of the text that is stored beside it, so that a reader can check it
@@ -53,8 +61,10 @@ RecordFile::RecordFile(const std::filesystem::path& file, const RunStart& start)
 // export leaves this table out.
 void RecordFile::write_start(const RunStart& start) {
   database_.execute("PRAGMA user_version=" + std::to_string(kRecordVersion));
-  database_.prepare("INSERT INTO run VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
-      .bind(1, random_hex(32))
+  Statement insert =
+      database_.prepare("INSERT INTO run VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+  if (start.t0_utc_ns) insert.bind(16, *start.t0_utc_ns);
+  insert.bind(1, random_hex(32))
       .bind(2, wall_time_text())
       .bind(3, start.protocol_file)
       .bind(4, start.protocol_title)
@@ -69,6 +79,9 @@ void RecordFile::write_start(const RunStart& start) {
       .bind(13, sha256(dumped(start.rig)))
       .bind(14, dumped(start.devices))
       .bind(15, dumped(start.files))
+      .bind(17, start.clock)
+      .bind(18, dumped(start.tags.is_null() ? nlohmann::json::object() : start.tags))
+      .bind(19, dumped(start.sample.is_null() ? nlohmann::json::object() : start.sample))
       .run();
 }
 
@@ -84,18 +97,21 @@ void RecordFile::add_stream(const StreamInfo& info) {
   begin();
   database_.execute("CREATE TABLE " + table + "(" + columns + ")");
   const auto id = whole(inserts_.size());
-  database_.prepare("INSERT INTO stream VALUES(?,?,?,?)")
+  database_.prepare("INSERT INTO stream VALUES(?,?,?,?,?)")
       .bind(1, id)
       .bind(2, info.name)
       .bind(3, info.source)
       .bind(4, "sample_" + info.name)
+      .bind(5, info.clock)
       .run();
-  Statement insert = database_.prepare("INSERT INTO channel VALUES(?,?,?,?)");
+  Statement insert = database_.prepare("INSERT INTO channel VALUES(?,?,?,?,?,?)");
   for (std::size_t i = 0; i < info.channels.size(); ++i) {
     insert.bind(1, id)
         .bind(2, whole(i))
         .bind(3, info.channels[i].name)
         .bind(4, info.channels[i].unit)
+        .bind(5, info.channels[i].help)
+        .bind(6, info.channels[i].axes)
         .run();
   }
   // A stream's tables are on their way at once: readers find the stream before its first row.
@@ -215,6 +231,16 @@ void RecordFile::picture(std::size_t number, const Picture& picture) {
   row_written();
 }
 
+void RecordFile::labels(const nlohmann::json& tags, const nlohmann::json& sample) {
+  write([&] {
+    database_.prepare("UPDATE run SET tags=?, sample=?")
+        .bind(1, dumped(tags))
+        .bind(2, dumped(sample))
+        .run();
+  });
+  commit();
+}
+
 void RecordFile::module(const Module& module) {
   write([&] {
     database_.prepare("INSERT OR IGNORE INTO module VALUES(?,?,?,?)")
@@ -232,7 +258,7 @@ void RecordFile::module(const Module& module) {
 void RecordFile::link(std::size_t number, const LinkRow& row) {
   if (!link_insert_) {
     begin();
-    database_.execute(kLinkTable);
+    database_.execute(create_table("link"));
     commit();
     link_insert_ = database_.prepare("INSERT OR IGNORE INTO link VALUES(?,?,?,?,?,?)");
   }
@@ -268,7 +294,7 @@ void RecordFile::camera(const RecordedCameraInfo& info) {
 void RecordFile::frame(std::size_t number, const FrameRow& row) {
   write([&] {
     Statement insert =
-        database_.prepare("INSERT OR IGNORE INTO frame VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        database_.prepare("INSERT OR IGNORE INTO frame VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     insert.bind(1, whole(number) + 1)
         .bind(2, row.camera)
         .bind(3, static_cast<std::int64_t>(row.number));
@@ -277,7 +303,7 @@ void RecordFile::frame(std::size_t number, const FrameRow& row) {
     insert.bind(7, row.file).bind(8, whole(row.offset)).bind(9, whole(row.bytes));
     insert.bind(10, std::int64_t{row.width_px}).bind(11, std::int64_t{row.height_px});
     insert.bind(12, std::int64_t{row.pixel_type}).bind(13, std::int64_t{row.crc32});
-    insert.bind(14, whole(row.dropped_before)).run();
+    insert.bind(14, whole(row.dropped_before)).bind(15, whole(row.lost_before)).run();
   });
   row_written();
 }
@@ -330,6 +356,7 @@ void RecordFile::write_again(const RunData& data, const std::vector<FrameRow>& f
   each(data.drawings, [&](std::size_t i, const SvgDrawing& one) { drawing(i, one); });
   each(data.tables, [&](std::size_t i, const Table& one) { table(i, one); });
   each(data.pictures, [&](std::size_t i, const Picture& one) { picture(i, one); });
+  labels(data.start.tags, data.start.sample);
   each(data.modules, [&](std::size_t, const Module& one) { module(one); });
   each(data.links, [&](std::size_t i, const LinkRow& one) { link(i, one); });
   each(data.cameras, [&](std::size_t, const RecordedCameraInfo& one) { camera(one); });
@@ -344,10 +371,13 @@ void RecordFile::write_end(const RunEnd& end, const RunData& data) {
   for (const Stream& stream : data.streams) counts[stream.info.name] = stream.times.size();
   for (std::size_t i = 0; i < data.cameras.size() && i < data.dropped.size(); ++i)
     dropped[data.cameras[i].camera] = data.dropped[i];
+  nlohmann::json lost = nlohmann::json::object();
+  for (std::size_t i = 0; i < data.cameras.size() && i < data.lost.size(); ++i)
+    lost[data.cameras[i].camera] = data.lost[i];
   // Before begin(), within which the pragma does nothing; this commit waits for the disk.
   database_.execute("PRAGMA synchronous=FULL");
   begin();
-  database_.prepare("INSERT INTO stop VALUES(?,?,?,?,?,?,?,?,?)")
+  database_.prepare("INSERT INTO stop VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
       .bind(1, wall_time_text())
       .bind(2, std::string_view(to_string(end.outcome)))
       .bind(3, end.reason)
@@ -357,6 +387,11 @@ void RecordFile::write_end(const RunEnd& end, const RunData& data) {
       .bind(7, dumped(counts))
       .bind(8, dumped(dropped))
       .bind(9, data.held)
+      .bind(10, dumped(lost))
+      .bind(11, end.cause.by)
+      .bind(12, end.cause.name)
+      .bind(13, end.cause.face)
+      .bind(14, end.cause.signal)
       .run();
   commit();
 }

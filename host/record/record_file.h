@@ -34,6 +34,8 @@ class RecordFile {
   void drawing(std::size_t number, const SvgDrawing& drawing);
   void table(std::size_t number, const Table& table);
   void picture(std::size_t number, const Picture& picture);
+  /// Tags and sample as they are from now on.
+  void labels(const nlohmann::json& tags, const nlohmann::json& sample);
   void module(const Module& module);
   void link(std::size_t number, const LinkRow& row);
   void camera(const RecordedCameraInfo& info);
@@ -51,7 +53,7 @@ class RecordFile {
   std::uint64_t bytes() const { return bytes_; }  // written so far, about
 
  private:
-  void create_tables();
+  void write_meanings();
   void write_start(const RunStart& start);
   void write_again(const RunData& data, const std::vector<FrameRow>& frames);
   void write_end(const RunEnd& end, const RunData& data);

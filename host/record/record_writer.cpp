@@ -40,7 +40,7 @@ struct SampleJob {
 struct FrameJob {
   std::size_t camera;
   Frame frame;
-  std::uint64_t dropped_before;
+  MissingFrames missing;
 };
 struct OtherJob {
   std::function<void(RecordFile&)> run;
@@ -147,14 +147,16 @@ struct RecordWriter::State {
 
   /// False: dropped and counted. The next frame that is recorded states how many were lost before
   /// it.
-  bool push_frame(std::size_t camera, const Frame& frame) {
+  bool push_frame(std::size_t camera, const Frame& frame, std::uint64_t lost_before) {
     const std::size_t bytes = image_bytes(frame);
-    std::uint64_t lost = 0;
+    MissingFrames missing;
     {
       const std::lock_guard lock(mutex);
+      pending[camera].lost += lost_before;
+      lost[camera] += lost_before;
       const bool full = queued_bytes > 0 && queued_bytes + bytes > limits.queued_frame_bytes;
       if (full && limits.drop_frames) {
-        if (pending_drops[camera]++ == 0) {
+        if (pending[camera].dropped++ == 0) {
           alarms.push_back(fmt::format("{}: frame {} is not recorded: the disk is behind",
                                        names[camera], frame.number));
           has_alarms = true;
@@ -163,9 +165,9 @@ struct RecordWriter::State {
         return false;
       }
       // Taken before the push: this frame will be recorded, and bears the count.
-      lost = std::exchange(pending_drops[camera], 0);
+      missing = std::exchange(pending[camera], {});
     }
-    push(FrameJob{camera, frame, lost}, 0, bytes, false);
+    push(FrameJob{camera, frame, missing}, 0, bytes, false);
     return true;
   }
 
@@ -272,7 +274,7 @@ struct RecordWriter::State {
   void write(FrameJob& job) {
     const std::size_t bytes = image_bytes(job.frame);
     try {
-      store.write(job.camera, job.frame, job.dropped_before);
+      store.write(job.camera, job.frame, job.missing);
     } catch (const std::exception&) {
       freed(bytes, job.camera);
       throw;
@@ -305,9 +307,10 @@ struct RecordWriter::State {
   std::string fault;
   std::function<void()> notify_fault;
   std::vector<std::string> alarms;
-  std::vector<std::string> names;            // of the cameras
-  std::vector<std::uint64_t> pending_drops;  // since the camera's last recorded frame
-  std::vector<std::uint64_t> dropped;        // in all
+  std::vector<std::string> names;      // of the cameras
+  std::vector<MissingFrames> pending;  // since the camera's last recorded frame
+  std::vector<std::uint64_t> dropped;  // in all
+  std::vector<std::uint64_t> lost;
   double held = 0;
   bool left_out = false;  // rows that the queue had no room for
   // For callers, without the lock.
@@ -346,8 +349,9 @@ void RecordWriter::offer(std::function<void(RecordFile&)> job) {
 void RecordWriter::add_camera(const RecordedCameraInfo& info) {
   {
     const std::lock_guard lock(state_->mutex);
-    state_->pending_drops.push_back(0);
+    state_->pending.emplace_back();
     state_->dropped.push_back(0);
+    state_->lost.push_back(0);
     state_->names.push_back(info.camera);
   }
   // In the queue and not at once: `store` is the thread's. Its cameras then have the same order as
@@ -359,9 +363,9 @@ void RecordWriter::add_camera(const RecordedCameraInfo& info) {
   post(add, true);
 }
 
-bool RecordWriter::frame(std::size_t camera, const Frame& frame) {
+bool RecordWriter::frame(std::size_t camera, const Frame& frame, std::uint64_t lost_before) {
   state_->must_be_well();
-  return state_->push_frame(camera, frame);
+  return state_->push_frame(camera, frame, lost_before);
 }
 
 void RecordWriter::on_fault(std::function<void()> call) {
@@ -387,6 +391,11 @@ double RecordWriter::held() const {
 std::vector<std::uint64_t> RecordWriter::dropped() const {
   const std::lock_guard lock(state_->mutex);
   return state_->dropped;
+}
+
+std::vector<std::uint64_t> RecordWriter::lost() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->lost;
 }
 
 std::vector<FrameRow> RecordWriter::frames() const {

@@ -47,8 +47,9 @@ class RecordWriter {
   void offer(std::function<void(RecordFile&)> job);
   /// A camera whose frames follow; they count from 0 in the order of these calls.
   void add_camera(const RecordedCameraInfo& info);
-  /// False: dropped, because the disk is behind.
-  bool frame(std::size_t camera, const Frame& frame);
+  /// False: dropped, because the disk is behind. `lost_before`: exposures since the frame before
+  /// that never came.
+  bool frame(std::size_t camera, const Frame& frame, std::uint64_t lost_before = 0);
 
   /// Called once, from the writer's thread, when the disk fails or is nearly full. Set it before it
   /// can; an empty one unsets.
@@ -58,6 +59,7 @@ class RecordWriter {
   std::vector<std::string> drain_alarms();
   double held() const;                         // s for which callers had to wait
   std::vector<std::uint64_t> dropped() const;  // frames, a camera
+  std::vector<std::uint64_t> lost() const;     // exposures that never came, a camera
   /// Waits until all that was given is written, or the disk has failed; then those that are.
   std::vector<FrameRow> frames() const;
   /// Writes what is left and ends the thread. What follows is called after it, and writes at once.

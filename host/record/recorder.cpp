@@ -6,8 +6,12 @@
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
 #include "host/plot/plot_layout.h"
+#include "host/record/data_sheet.h"
 #include "host/record/disk_alarm.h"
 #include "host/record/figures.h"
+#include "host/record/portable_paths.h"
+#include "host/record/record_schema.h"
+#include "host/record/run_labels.h"
 #include "host/record/run_lock.h"
 
 #include <fmt/format.h>
@@ -40,6 +44,13 @@ void check_channels(const StreamInfo& info) {
     }
     taken.push_back(name);
   }
+}
+
+/// As the record has it: no unit is empty.
+StreamInfo with_units(StreamInfo info) {
+  for (Channel& channel : info.channels)
+    if (channel.unit.empty()) channel.unit = "1";
+  return info;
 }
 
 /// The scripts as they were, beside the data.
@@ -75,9 +86,10 @@ std::string_view as_text(const std::vector<unsigned char>& bytes) {
 // itself is touched by the run's threads alone.
 struct Recorder::State {
   State(const std::filesystem::path& folder, const RunStart& start, const RecordLimits& limits)
-      : lock(folder), writer(folder, start, limits) {
+      : asked(start), lock(folder), portable(paths.start(start)), writer(folder, portable, limits) {
     data.folder = folder;
-    data.start = start;
+    data.version = kRecordVersion;
+    data.start = portable;
     keep_scripts(folder, start);
   }
 
@@ -86,13 +98,17 @@ struct Recorder::State {
     if (data.end) throw std::logic_error("the run has ended: its record is closed");
   }
   void write_outputs();
+  void write_labels();
   void drain_alarms(Time time);
   void raise(Time time, const std::string& name, AlarmPriority priority, const std::string& text);
   void add_event(const Event& event);
   template <class Action>
   void try_to(const char* what, Action action);
 
+  const RunStart asked;
+  PortablePaths paths;
   RunLock lock;
+  const RunStart portable;
   RecordWriter writer;
   RunData data;
   AlarmListener listener;
@@ -125,7 +141,7 @@ Recorder::~Recorder() {
 }
 
 const std::filesystem::path& Recorder::folder() const { return state_->data.folder; }
-const RunStart& Recorder::start() const { return state_->data.start; }
+const RunStart& Recorder::start() const { return state_->asked; }
 void Recorder::watch(RecordListener* listener) { state_->observer = listener; }
 RecordListener* Recorder::listener() const { return state_->observer; }
 const std::vector<Stream>& Recorder::streams() const { return state_->data.streams; }
@@ -158,8 +174,9 @@ int Recorder::add_stream(const StreamInfo& info) {
     }
   }
   check_channels(info);
-  state_->data.streams.push_back({info, {}, {}});
-  state_->writer.post([info](RecordFile& file) { file.add_stream(info); }, true);
+  const StreamInfo kept = with_units(info);
+  state_->data.streams.push_back({kept, {}, {}});
+  state_->writer.post([kept](RecordFile& file) { file.add_stream(kept); }, true);
   return static_cast<int>(state_->data.streams.size()) - 1;
 }
 
@@ -188,7 +205,8 @@ void Recorder::sample(int stream, Time time, std::span<const double> values) {
 
 // The number in the file is the place in memory, by which a second writing knows the event again.
 // Urgent, so that it wakes the writer.
-void Recorder::State::add_event(const Event& event) {
+void Recorder::State::add_event(const Event& given) {
+  const Event event{given.time, given.kind, paths.text(given.text)};
   data.events.push_back(event);
   if (observer != nullptr) observer->event(event.time, event.kind, event.text);
   writer.post(
@@ -289,6 +307,24 @@ void Recorder::picture(const std::string& name, const std::string& caption, cons
   state_->writer.post(write, false);
 }
 
+void Recorder::tag(const std::string& key, const std::string& value) {
+  state_->must_be_open();
+  set_tag(state_->data.start.tags, key, value);
+  state_->write_labels();
+}
+
+void Recorder::describe_sample(const std::string& field, const std::string& value) {
+  state_->must_be_open();
+  set_sample_field(state_->data.start.sample, field, value);
+  state_->write_labels();
+}
+
+void Recorder::State::write_labels() {
+  writer.post([tags = data.start.tags,
+               sample = data.start.sample](RecordFile& file) { file.labels(tags, sample); },
+              false);
+}
+
 // Called in the middle of an exchange, with the coils' zeros among them: a slow disk must not hold
 // it up.
 void Recorder::link(const LinkRow& row) {
@@ -301,8 +337,9 @@ void Recorder::link(const LinkRow& row) {
 
 // The text as it was when it was required: a file that is edited during the run is recorded as it
 // ran.
-void Recorder::module(const Module& module) {
+void Recorder::module(const Module& given) {
   state_->must_be_open();
+  const Module module{given.name, state_->paths.file(given.file), given.text};
   auto& modules = state_->data.modules;
   const auto same = [&](const Module& one) { return one.name == module.name; };
   if (std::any_of(modules.begin(), modules.end(), same)) return;
@@ -328,11 +365,11 @@ int Recorder::add_camera(const RecordedCameraInfo& info) {
   return static_cast<int>(cameras.size()) - 1;
 }
 
-void Recorder::frame(int camera, const Frame& frame) {
+void Recorder::frame(int camera, const Frame& frame, std::uint64_t lost_before) {
   state_->must_be_open();
   if (camera < 0 || static_cast<std::size_t>(camera) >= state_->data.cameras.size())
     throw std::invalid_argument(fmt::format("camera {} is not known", camera));
-  state_->writer.frame(static_cast<std::size_t>(camera), frame);
+  state_->writer.frame(static_cast<std::size_t>(camera), frame, lost_before);
   state_->drain_alarms(frame.received);
 }
 
@@ -351,7 +388,7 @@ void Recorder::State::try_to(const char* what, Action action) {
     const Time time = data.streams.empty() || data.streams[0].times.empty()
                           ? Time{}
                           : data.streams[0].times.back();
-    data.events.push_back({time, "error", std::string(what) + ": " + error.what()});
+    data.events.push_back({time, "error", paths.text(std::string(what) + ": " + error.what())});
     writer.late_event(data.events.size() - 1, data.events.back());
   }
 }
@@ -371,6 +408,7 @@ void Recorder::State::write_outputs() {
     });
   }
   if (report) try_to("report", [&] { write_file(data.folder / "report.html", report(data)); });
+  try_to("data sheet", [&] { write_file(data.folder / kDataSheet, data_sheet(data)); });
   try_to("summary", [&] {
     write_file(data.folder / "summary.json",
                summary(data).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
@@ -401,10 +439,13 @@ void Recorder::finish(const RunEnd& end) {
   }
   // From here on every call of the run throws; the rows of frames become the record's own.
   data.end = end;
+  data.end->reason = state_->paths.text(end.reason);
+  data.end->location = state_->paths.text(end.location);
   data.frames = state_->writer.frames();
   data.dropped = state_->writer.dropped();
+  data.lost = state_->writer.lost();
   data.held = state_->writer.held();
-  guarded([&] { state_->writer.finish(end, data); });
+  guarded([&] { state_->writer.finish(*data.end, data); });
   // After the end record: a report that fails, or is killed half-way, no longer makes the run a
   // lost one.
   state_->write_outputs();

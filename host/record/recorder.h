@@ -35,6 +35,8 @@ class Recorder {
   /// Writes the end record "failed: never finished" when finish() was not called.
   ~Recorder();
   const std::filesystem::path& folder() const;
+  /// As it was given; the record has it without the machine's folders
+  /// (host/record/portable_paths.h).
   const RunStart& start() const;
 
   /// Names of streams and of a stream's channels are unique but for case, and not empty:
@@ -59,6 +61,10 @@ class Recorder {
   /// Stored as PNG.
   void picture(const std::string& name, const std::string& caption, const cv::Mat& image);
 
+  /// Labels the run; std::invalid_argument as host/record/run_labels.h says.
+  void tag(const std::string& key, const std::string& value);
+  void describe_sample(const std::string& field, const std::string& value);
+
   /// What passed on a link. It never waits for the disk: what the queue has no room for is written
   /// at the end.
   void link(const LinkRow& row);
@@ -68,8 +74,9 @@ class Recorder {
   /// there already.
   int add_camera(const RecordedCameraInfo& info);
   /// The pixels are shared, not copied. Where the disk is behind: waits, or
-  /// (RecordLimits::drop_frames) drops, counts and raises an alarm; never silently.
-  void frame(int camera, const Frame& frame);
+  /// (RecordLimits::drop_frames) drops, counts and raises an alarm; never silently. `lost_before`:
+  /// exposures since the frame before that never came to the host, or were not taken in time.
+  void frame(int camera, const Frame& frame, std::uint64_t lost_before = 0);
 
   const std::vector<Stream>& streams() const;
   const Stream* stream(const std::string& name) const;

@@ -55,6 +55,14 @@ std::string script_line(const std::string& reason) {
   return at == name_end + 5 ? "" : reason.substr(0, at);
 }
 
+std::string cause_text(const EndCause& cause) {
+  std::string text = cause.by;
+  if (!cause.name.empty()) text += " " + cause.name;
+  if (!cause.face.empty()) text += " at " + cause.face;
+  if (!cause.signal.empty()) text += " (" + cause.signal + ")";
+  return text;
+}
+
 std::string coil_rest_text(const RunData& data) {
   const auto last = std::find_if(data.events.rbegin(), data.events.rend(),
                                  [](const Event& event) { return event.kind == kCoilRest; });

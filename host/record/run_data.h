@@ -33,6 +33,11 @@ struct RunStart {
   std::string operator_name;
   nlohmann::json devices;  // role: identity
   nlohmann::json files;    // file that the rig names (calibration, photograph): SHA-256
+  /// UTC, ns since 1970, at which the run's clock was 0; nothing in records before version 5.
+  std::optional<std::int64_t> t0_utc_ns{};
+  std::string clock{};      // "real", "virtual" (host/record/meaning.h says what that means)
+  nlohmann::json tags{};    // key: text
+  nlohmann::json sample{};  // host/record/run_labels.h
 };
 
 /// lost: the program ended without an end record; only `vitreo recover` writes it.
@@ -47,12 +52,24 @@ std::optional<AlarmPriority> alarm_priority_named(const std::string& name);
 /// "high: interlock: coil 3: 14 A is beyond the limit of 12 A".
 std::string alarm_text(AlarmPriority priority, const std::string& name, const std::string& text);
 
+/// Who or what ended a run, for the end record: the words are those of stop.ended_by in
+/// host/record/record_schema.cpp.
+struct EndCause {
+  std::string by{};      // "protocol", "person", "scheduler", "signal", ...; empty: not known
+  std::string name{};    // of the person, the device, the scheduler or the sender
+  std::string face{};    // "the terminal", "the control socket", "the live view"
+  std::string signal{};  // "SIGTERM"
+};
+/// "person Ann at the control socket", "scheduler slurm (SIGTERM)".
+std::string cause_text(const EndCause& cause);
+
 struct RunEnd {
   Outcome outcome = Outcome::completed;
   std::string reason;          // one line; empty when completed
   double experiment_time = 0;  // s
   double wall_time = 0;        // s
   std::string location{};      // "protocols/drift.lua:12" where the script was; empty: not known
+  EndCause cause{};
 };
 
 /// "protocols/drift.lua:12" where a reason begins with a script's line, else "".
@@ -60,13 +77,17 @@ std::string script_line(const std::string& reason);
 
 struct Channel {
   std::string name;
-  std::string unit;  // SI, "" for plain numbers
+  /// SI, or "px"; "1" for plain numbers, for which "" may be given ("" in old records).
+  std::string unit;
+  std::string help{};  // what it is, for the record; empty: not said
+  std::string axes{};  // of a position, direction or pixel: host/record/meaning.h
 };
 
 struct StreamInfo {
   std::string name;    // "servo", "truth"
   std::string source;  // "the simulator's truth, which the loop never sees", "top camera"
   std::vector<Channel> channels;
+  std::string clock{};  // to which instant a row's time belongs: host/record/meaning.h
 };
 
 /// A number that the run states as its result.
@@ -81,7 +102,7 @@ struct StatedResult {
 struct Picture {
   std::string name;
   std::string caption;
-  std::string file;  // below the run's folder
+  std::string file;               // below the run's folder
   std::shared_ptr<PngImage> png;  // never null
 };
 
@@ -137,6 +158,16 @@ struct FrameRow {
   std::uint32_t crc32 = 0;  // of the image as the camera gave it
   /// Frames lost to a full queue since the last recorded one of this camera.
   std::uint64_t dropped_before = 0;
+  /// Exposures that never came to the recorder since then: lost by camera or link, or not taken in
+  /// time.
+  std::uint64_t lost_before = 0;
+};
+
+/// Frames that are missing before one that is recorded: counted apart, for the one is the disk's
+/// fault and the other the camera's.
+struct MissingFrames {
+  std::uint64_t dropped = 0;  // FrameRow::dropped_before
+  std::uint64_t lost = 0;     // FrameRow::lost_before
 };
 
 /// A camera whose frames are recorded, as stated when their recording began.
@@ -162,6 +193,7 @@ struct LinkRow {
 
 struct RunData {
   std::filesystem::path folder;
+  int version = 0;  // of the record's schema
   RunStart start;
   std::optional<RunEnd> end;
   std::vector<Stream> streams;
@@ -176,6 +208,7 @@ struct RunData {
   std::vector<RecordedCameraInfo> cameras;
   std::vector<FrameRow> frames;  // the recorder leaves them to its writer: see Recorder::frames()
   std::vector<std::uint64_t> dropped;  // frames that were not recorded, one number a camera
+  std::vector<std::uint64_t> lost;     // exposures that never came, one number a camera
   double held = 0;                     // s for which the recorder held up its callers
   const Stream* stream(const std::string& name) const;  // null where there is none
 };

@@ -405,6 +405,9 @@ void read_sample(ConfigReader reader, RigSettings& settings) {
   // Of a person, in the twin and in the emulated laboratory.
   settings.laboratory.world.placement_scatter = reader.number(
       "placement_scatter", settings.laboratory.world.placement_scatter, {0, 2 * kMillimeter, "m"});
+  // What is known of it, for the record, where the file says so: check_request() takes it.
+  for (const char* const field : {"eye", "species", "age", "removed", "robot"})
+    if (reader.has(field)) reader.text(field, "");
   reader.finish();
 }
 

@@ -110,6 +110,13 @@ std::string head_section(const RunData& data) {
   if (end && end->experiment_time > 0)
     fact("Experiment", printed(show_quantity(end->experiment_time, "s")));
   if (end && end->wall_time > 0) fact("Took", printed(show_quantity(end->wall_time, "s")));
+  const auto labels = [&fact](const nlohmann::json& values) {
+    if (values.is_object())
+      for (const auto& [name, value] : values.items()) fact(name.c_str(), text_of(value));
+  };
+  labels(start.sample);
+  labels(start.tags);
+  if (end && end->cause.by != "protocol") fact("Ended by", cause_text(end->cause));
   fact("At the end", coil_rest_text(data));
   fact("Run", folder);
   return out + "</div>\n";

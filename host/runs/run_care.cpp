@@ -6,9 +6,11 @@
 #include "host/files/ndtiff.h"
 #include "host/files/run_folder.h"
 #include "host/files/sqlite.h"
+#include "host/record/data_sheet.h"
 #include "host/record/record_json.h"
 #include "host/record/recorder.h"
 #include "host/record/run_lock.h"
+#include "host/runs/open_record.h"
 #include "host/runs/report.h"
 #include "host/runs/run_reader.h"
 
@@ -129,7 +131,11 @@ std::size_t name_frames(Database& database, const RunData& data) {
       // The CRC-32 is of what is on the disk now: it cannot vouch for the moment of recording, only
       // for the time from here on.
       const cv::Mat image = read_ndtiff_image(data.folder / below, entry);
-      Statement insert = database.prepare("INSERT INTO frame VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+      Statement insert =
+          insert_into(database, "frame",
+                      {"seq", "camera", "number", "t_ns", "t_received_ns", "t_device_ns", "file",
+                       "offset", "bytes", "width_px", "height_px", "pixel_type", "crc32",
+                       "dropped_before", "lost_before"});
       insert.bind(1, ++seq).bind(2, camera.camera).bind(3, about.value("Number", std::int64_t{0}));
       insert.bind(4, about.value("Exposed-ns", std::int64_t{0}))
           .bind(5, about.value("Received-ns", std::int64_t{0}));
@@ -139,7 +145,8 @@ std::size_t name_frames(Database& database, const RunData& data) {
           .bind(10, std::int64_t{entry.width_px});
       insert.bind(11, std::int64_t{entry.height_px}).bind(12, std::int64_t{entry.pixel_type});
       insert.bind(13, std::int64_t{crc32(image.data, entry.pixel_bytes())});
-      insert.bind(14, about.value("DroppedBefore", std::int64_t{0})).run();
+      insert.bind(14, about.value("DroppedBefore", std::int64_t{0}));
+      insert.bind(15, about.value("LostBefore", std::int64_t{0})).run();
     }
   }
   return named;
@@ -155,7 +162,9 @@ void write_lost(Database& database, const RunData& data) {
     counts[stream.info.name] = stream.times.size();
     if (!stream.times.empty()) last = std::max(last, stream.times.back());
   }
-  database.prepare("INSERT INTO stop VALUES(?,?,?,?,?,?,?,?,?)")
+  insert_into(database, "stop",
+              {"time", "exit_status", "reason", "script_line", "experiment_time", "wall_time",
+               "counts", "dropped", "held", "lost"})
       .bind(1, wall_time_text())
       .bind(2, std::string_view(to_string(Outcome::lost)))
       .bind(3, std::string_view(
@@ -166,6 +175,7 @@ void write_lost(Database& database, const RunData& data) {
       .bind(7, dumped(counts))
       .bind(8, std::string_view("{}"))
       .bind(9, 0.0)
+      .bind(10, std::string_view("{}"))
       .run();
 }
 
@@ -177,6 +187,7 @@ void write_outputs(const RunData& data) {
   } catch (const std::logic_error& error) {  // a plot that this program would not have recorded
     throw RecordError((data.folder / "run.sqlite").string() + ": " + error.what());
   }
+  write_file(data.folder / kDataSheet, data_sheet(data));
   write_file(data.folder / "summary.json",
              summary(data).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
   write_manifest(data.folder);

@@ -6,8 +6,7 @@
 #include "host/files/posix_file.h"
 #include "host/files/sqlite.h"
 #include "host/record/record_json.h"
-#include "host/record/record_schema.h"
-#include "host/record/run_lock.h"
+#include "host/runs/open_record.h"
 
 #include <fmt/format.h>
 
@@ -23,22 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kShownCandidates = 5;
 
-/// Opened to read; the file is one of ours.
-/// Read-only: a run that is being recorded has one writer. The version is compared for equality: a
-/// table that changed its columns would be read as something else.
-Database open_record(const fs::path& folder) {
-  const fs::path file = folder / "run.sqlite";
-  if (!fs::is_regular_file(file))
-    throw RecordError(folder.string() + ": is no run: it has no run.sqlite");
-  Database database(file.string(), Database::Mode::read_only);
-  Statement version = database.prepare("PRAGMA user_version");
-  version.step();
-  if (version.integer(0) != kRecordVersion)
-    throw RecordError(fmt::format("{}: has record version {}; this program reads {}", file.string(),
-                                  version.integer(0), kRecordVersion));
-  return database;
-}
-
 /// JSON from the record; discarded where it is none.
 nlohmann::json parsed(const std::string& text) {
   return nlohmann::json::parse(text, nullptr, false);
@@ -51,10 +34,10 @@ nlohmann::json object_of(const std::string& text) {
 }
 
 /// The start record, one row.
-void read_start(Database& database, RunData& data) {
-  Statement row = database.prepare(
-      "SELECT protocol, title, script, operator, parameters, parameter_units, seed, versions, rig, "
-      "devices, files FROM run");
+void read_start(OpenRecord& record, RunData& data) {
+  Statement row = record.select(
+      "run", {"protocol", "title", "script", "operator", "parameters", "parameter_units", "seed",
+              "versions", "rig", "devices", "files", "t0_utc_ns", "clock", "tags", "sample"});
   if (!row.step()) throw RecordError(data.folder.string() + ": its start record is missing");
   RunStart& start = data.start;
   start.protocol_file = row.text(0);
@@ -68,26 +51,42 @@ void read_start(Database& database, RunData& data) {
   start.rig = object_of(row.text(8));
   start.devices = object_of(row.text(9));
   start.files = object_of(row.text(10));
+  if (!row.is_null(11)) start.t0_utc_ns = row.integer(11);
+  start.clock = row.text(12);
+  start.tags = object_of(row.text(13));
+  start.sample = object_of(row.text(14));
 }
 
-/// The end record, where there is one yet. After read_frames(): drops are listed by camera.
-void read_end(Database& database, RunData& data) {
-  Statement row = database.prepare(
-      "SELECT exit_status, reason, experiment_time, wall_time, script_line, dropped, held "
-      "FROM stop LIMIT 1");
+/// Of each camera the number that a JSON object has under its name; 0 where it has none.
+std::vector<std::uint64_t> by_camera(const RunData& data, const std::string& text) {
+  const nlohmann::json json = object_of(text);
+  std::vector<std::uint64_t> numbers;
+  for (const RecordedCameraInfo& camera : data.cameras)
+    numbers.push_back(json.is_object() && json.contains(camera.camera) &&
+                              json[camera.camera].is_number_unsigned()
+                          ? json[camera.camera].get<std::uint64_t>()
+                          : 0);
+  return numbers;
+}
+
+/// The end record, where there is one yet. After read_frames(): drops and losses are by camera.
+void read_end(OpenRecord& record, RunData& data) {
+  Statement row = record.select(
+      "stop",
+      {"exit_status", "reason", "experiment_time", "wall_time", "script_line", "dropped", "held",
+       "lost", "ended_by", "ended_name", "ended_face", "ended_signal"},
+      "LIMIT 1");
   if (!row.step()) return;
   const auto outcome = outcome_named(row.text(0));
   if (!outcome)
     throw RecordError(data.folder.string() + ": its end record names no outcome that is known");
+  data.end =
+      RunEnd{*outcome,    row.text(1), row.real(2),
+             row.real(3), row.text(4), {row.text(8), row.text(9), row.text(10), row.text(11)}};
   // Drops belong to cameras by name in the file and by number in memory: hence the order of
   // read_run().
-  data.end = RunEnd{*outcome, row.text(1), row.real(2), row.real(3), row.text(4)};
-  const nlohmann::json dropped = object_of(row.text(5));
-  for (const RecordedCameraInfo& camera : data.cameras)
-    data.dropped.push_back(dropped.is_object() && dropped.contains(camera.camera) &&
-                                   dropped[camera.camera].is_number_unsigned()
-                               ? dropped[camera.camera].get<std::uint64_t>()
-                               : 0);
+  data.dropped = by_camera(data, row.text(5));
+  data.lost = by_camera(data, row.text(7));
   data.held = row.real(6);
 }
 
@@ -110,25 +109,27 @@ void read_samples(Database& database, Stream& stream, const std::string& table) 
 }
 
 // The statement of the channels runs once a stream: step() leaves it ready for the next binding.
-void read_streams(Database& database, RunData& data) {
+void read_streams(OpenRecord& record, RunData& data) {
   Statement streams =
-      database.prepare("SELECT id, name, source, sample_table FROM stream ORDER BY id");
-  Statement channels =
-      database.prepare("SELECT name, unit FROM channel WHERE stream=? ORDER BY position");
+      record.select("stream", {"id", "name", "source", "sample_table", "clock"}, "ORDER BY id");
+  Statement channels = record.select("channel", {"name", "unit", "help", "axes"},
+                                     "WHERE stream=? ORDER BY position");
   while (streams.step()) {
     Stream stream;
     stream.info.name = streams.text(1);
     stream.info.source = streams.text(2);
+    stream.info.clock = streams.text(4);
     channels.bind(1, streams.integer(0));
-    while (channels.step()) stream.info.channels.push_back({channels.text(0), channels.text(1)});
-    read_samples(database, stream, streams.text(3));
+    while (channels.step())
+      stream.info.channels.push_back(
+          {channels.text(0), channels.text(1), channels.text(2), channels.text(3)});
+    read_samples(record.database(), stream, streams.text(3));
     data.streams.push_back(std::move(stream));
   }
 }
 
 template <class Each>
-void rows_of(Database& database, const std::string& query, Each each) {
-  Statement rows = database.prepare(query);
+void rows_of(Statement rows, Each each) {
   while (rows.step()) each(rows);
 }
 
@@ -152,70 +153,77 @@ std::string inside(const RunData& data, const std::string& file) {
 /// What came out: results, plots, drawings, tables, pictures.
 /// In the order in which they were stated. A picture whose file is gone stays with its caption and
 /// no bytes: the report is made all the same.
-void read_results(Database& database, RunData& data) {
-  rows_of(database, "SELECT name, value, unit FROM result ORDER BY rowid",
+void read_results(OpenRecord& record, RunData& data) {
+  rows_of(record.select(record.has_table("result") ? "result" : "figure", {"name", "value", "unit"},
+                        "ORDER BY rowid"),
           [&](const Statement& row) {
             const double value =
                 row.is_null(1) ? std::numeric_limits<double>::quiet_NaN() : row.real(1);
             data.results.push_back({row.text(0), value, row.text(2)});
           });
-  rows_of(database, "SELECT content FROM plot ORDER BY seq",
+  rows_of(record.select("plot", {"content"}, "ORDER BY seq"),
           [&](const Statement& row) { data.plots.push_back(plot_from_json(parsed(row.text(0)))); });
-  rows_of(database, "SELECT title, svg FROM drawing ORDER BY seq", [&](const Statement& row) {
+  rows_of(record.select("drawing", {"title", "svg"}, "ORDER BY seq"), [&](const Statement& row) {
     data.drawings.push_back({row.text(0), row.text(1)});
   });
-  rows_of(database, "SELECT title, header, rows FROM result_table ORDER BY seq",
+  rows_of(record.select("result_table", {"title", "header", "rows"}, "ORDER BY seq"),
           [&](const Statement& row) {
             Table table{row.text(0), texts(parsed(row.text(1))), {}};
             for (const nlohmann::json& one : parsed(row.text(2))) table.rows.push_back(texts(one));
             data.tables.push_back(std::move(table));
           });
-  rows_of(
-      database, "SELECT name, caption, file FROM picture ORDER BY seq", [&](const Statement& row) {
-        const std::string file = inside(data, row.text(2));
-        std::string bytes;
-        if (fs::is_regular_file(data.folder / file)) bytes = read_whole_file(data.folder / file);
-        data.pictures.push_back(
-            {row.text(0), row.text(1), file,
-             std::make_shared<PngImage>(std::vector<unsigned char>(bytes.begin(), bytes.end()))});
-      });
+  rows_of(record.select("picture", {"name", "caption", "file"}, "ORDER BY seq"),
+          [&](const Statement& row) {
+            const std::string file = inside(data, row.text(2));
+            std::string bytes;
+            if (fs::is_regular_file(data.folder / file))
+              bytes = read_whole_file(data.folder / file);
+            data.pictures.push_back({row.text(0), row.text(1), file,
+                                     std::make_shared<PngImage>(
+                                         std::vector<unsigned char>(bytes.begin(), bytes.end()))});
+          });
 }
 
-void read_events(Database& database, RunData& data) {
-  rows_of(database, "SELECT t_ns, kind, text FROM event ORDER BY seq", [&](const Statement& row) {
-    data.events.push_back({Time(row.integer(0)), row.text(1), row.text(2)});
-  });
-  rows_of(database, "SELECT name, file, text FROM module ORDER BY rowid",
+void read_events(OpenRecord& record, RunData& data) {
+  rows_of(record.select("event", {"t_ns", "kind", "text"}, "ORDER BY seq"),
+          [&](const Statement& row) {
+            data.events.push_back({Time(row.integer(0)), row.text(1), row.text(2)});
+          });
+  rows_of(record.select("module", {"name", "file", "text"}, "ORDER BY rowid"),
           [&](const Statement& row) {
             data.modules.push_back({row.text(0), row.text(1), row.text(2)});
           });
 }
 
 /// What passed on the links, where the run was asked for it.
-void read_links(Database& database, RunData& data) {
-  Statement table =
-      database.prepare("SELECT 1 FROM sqlite_master WHERE type='table' AND name='link'");
-  if (!table.step()) return;
-  rows_of(database, "SELECT t_ns, role, address, event, bytes FROM link ORDER BY seq",
+void read_links(OpenRecord& record, RunData& data) {
+  rows_of(record.select("link", {"t_ns", "role", "address", "event", "bytes"}, "ORDER BY seq"),
           [&](const Statement& row) {
             data.links.push_back(
                 {Time(row.integer(0)), row.text(1), row.text(2), row.text(3), row.bytes(4)});
           });
 }
 
-void read_frames(Database& database, RunData& data) {
-  rows_of(database,
-          "SELECT name, identity, every, frame_period, effective_pixel, bits, offset_x_px, "
-          "offset_y_px FROM camera ORDER BY rowid",
+/// Before version 4 every pixel had 8 bits, and images began with the sensor.
+void read_cameras(OpenRecord& record, RunData& data) {
+  rows_of(record.select("camera",
+                        {"name", "identity", "every", "frame_period", "effective_pixel", "bits",
+                         "offset_x_px", "offset_y_px"},
+                        "ORDER BY rowid"),
           [&](const Statement& row) {
-            data.cameras.push_back({row.text(0), row.text(1), static_cast<int>(row.integer(2)),
-                                    row.real(3), row.real(4), static_cast<int>(row.integer(5)),
-                                    static_cast<int>(row.integer(6)),
-                                    static_cast<int>(row.integer(7))});
+            data.cameras.push_back(
+                {row.text(0), row.text(1), static_cast<int>(row.integer(2)), row.real(3),
+                 row.real(4), row.is_null(5) ? 8 : static_cast<int>(row.integer(5)),
+                 static_cast<int>(row.integer(6)), static_cast<int>(row.integer(7))});
           });
-  rows_of(database,
-          "SELECT camera, number, t_ns, t_received_ns, t_device_ns, file, offset, bytes, width_px, "
-          "height_px, pixel_type, crc32, dropped_before FROM frame ORDER BY seq",
+}
+
+void read_frames(OpenRecord& record, RunData& data) {
+  rows_of(record.select("frame",
+                        {"camera", "number", "t_ns", "t_received_ns", "t_device_ns", "file",
+                         "offset", "bytes", "width_px", "height_px", "pixel_type", "crc32",
+                         "dropped_before", "lost_before"},
+                        "ORDER BY seq"),
           [&](const Statement& row) {
             FrameRow frame;
             frame.camera = row.text(0);
@@ -231,20 +239,9 @@ void read_frames(Database& database, RunData& data) {
             frame.pixel_type = static_cast<int>(row.integer(10));
             frame.crc32 = static_cast<std::uint32_t>(row.integer(11));
             frame.dropped_before = static_cast<std::uint64_t>(row.integer(12));
+            frame.lost_before = static_cast<std::uint64_t>(row.integer(13));
             data.frames.push_back(std::move(frame));
           });
-}
-
-/// Without an end record: running as long as a process holds the folder's lock, else lost.
-/// The lock and not the age of the files decides: a run may wait an hour for its operator without
-/// writing.
-std::string state_of(Database& database, const fs::path& folder, RunHead& head) {
-  Statement stop =
-      database.prepare("SELECT exit_status, reason, experiment_time FROM stop LIMIT 1");
-  if (!stop.step()) return RunLock::is_held(folder) ? "running" : "lost";
-  head.reason = stop.text(1);
-  head.experiment_time = stop.real(2);
-  return stop.text(0);
 }
 
 /// Names begin with the time to the second; among runs of one second the folder whose scripts were
@@ -305,27 +302,6 @@ fs::path find_run(const std::string& word, const fs::path& parent) {
                                 count > kShownCandidates ? ", ..." : ""));
 }
 
-// The error becomes the row's text, so that one broken folder does not end a list.
-RunHead read_head(const fs::path& folder) {
-  RunHead head;
-  head.folder = folder.string();
-  try {
-    Database database = open_record(folder);
-    Statement row = database.prepare("SELECT time, protocol, title, operator, seed FROM run");
-    if (!row.step()) throw RecordError("its start record is missing");
-    head.time = row.text(0);
-    head.protocol = row.text(1);
-    head.title = row.text(2);
-    head.operator_name = row.text(3);
-    head.seed = row.text(4);
-    head.state = state_of(database, folder, head);
-  } catch (const std::exception& error) {
-    head.state = "unreadable";
-    head.reason = error.what();
-  }
-  return head;
-}
-
 // Rows and pixels are independent witnesses: the size by the row must be that by width, height and
 // type, or the row is not believed.
 cv::Mat read_frame(const RunData& data, const FrameRow& row) {
@@ -352,14 +328,16 @@ RunData read_run(const fs::path& folder) {
   RunData data;
   data.folder = folder;
   try {
-    Database database = open_record(folder);
-    read_start(database, data);
-    read_streams(database, data);
-    read_frames(database, data);
-    read_end(database, data);
-    read_results(database, data);
-    read_events(database, data);
-    read_links(database, data);
+    OpenRecord record(folder);
+    data.version = record.version();
+    read_start(record, data);
+    read_streams(record, data);
+    read_cameras(record, data);
+    read_frames(record, data);
+    read_end(record, data);
+    read_results(record, data);
+    read_events(record, data);
+    read_links(record, data);
   } catch (const RecordError&) {
     throw;
   } catch (const nlohmann::json::exception& error) {

@@ -2,6 +2,7 @@
 #include "host/servo/observers.h"
 
 #include "devices/roles/gray.h"
+#include "host/record/meaning.h"
 #include "host/servo/simulated_side.h"
 #include "vision/blob_tracker.h"
 
@@ -17,6 +18,7 @@ namespace vitreo {
 namespace {
 
 constexpr std::size_t kKept = 64;  // frames
+constexpr Time kTemperaturePeriod = std::chrono::milliseconds(500);
 // Cameras with one trigger, and the mapping of their clocks.
 constexpr Time kInStep = std::chrono::milliseconds(1);
 
@@ -91,10 +93,16 @@ void record_machine(Recorder& recorder, Time now, const sim::Laboratory& laborat
 
 std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, double period,
                                     Recorder& recorder) {
-  const int stream = recorder.add_stream(
-      {"truth",
-       "the simulator's truth, which the loop never sees",
-       {{"x", "m"}, {"y", "m"}, {"z", "m"}, {"axis_x", ""}, {"axis_y", ""}, {"axis_z", ""}}});
+  const int stream =
+      recorder.add_stream({"truth",
+                           "the simulator's truth, which the loop never sees",
+                           {{"x", "m", "true position of the robot", kWorld},
+                            {"y", "m", "true position of the robot", kWorld},
+                            {"z", "m", "true position of the robot", kWorld},
+                            {"axis_x", "1", "unit vector of the robot's true axis", kWorld},
+                            {"axis_y", "1", "unit vector of the robot's true axis", kWorld},
+                            {"axis_z", "1", "unit vector of the robot's true axis", kWorld}},
+                           kExposure});
   return clock.spawn(
       "truth", [&clock, &laboratory, period = from_seconds(period), &recorder, stream] {
         // At multiples of the period, as the camera exposes: the rows have the servo's times.
@@ -111,6 +119,22 @@ std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, d
           recorder.sample(stream, exposed, std::array{p.x(), p.y(), p.z(), a.x(), a.y(), a.z()});
         }
       });
+}
+
+std::unique_ptr<Task> observe_coil_temperatures(Clock& clock, Interlock& coils,
+                                                Recorder& recorder) {
+  const std::size_t count = coils.temperatures().size();
+  if (count == 0) return nullptr;
+  StreamInfo info{"coil_temperature", "the interlock's model of the coils", {}, kHostClock};
+  for (std::size_t coil = 1; coil <= count; ++coil)
+    info.channels.push_back({"t" + std::to_string(coil), "K", "estimated temperature of the coil"});
+  return clock.spawn("coil temperatures",
+                     [&clock, &coils, &recorder, stream = recorder.add_stream(info)] {
+                       while (true) {
+                         clock.sleep_for(kTemperaturePeriod);
+                         recorder.sample(stream, clock.now(), coils.temperatures());
+                       }
+                     });
 }
 
 std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background background,

@@ -26,6 +26,10 @@ void record_machine(Recorder& recorder, Time now, const sim::Laboratory& laborat
 std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, double period,
                                     Recorder& recorder);
 
+/// Records the interlock's estimate of the coils' temperatures each 0.5 s, as the stream
+/// "coil_temperature"; null where it has none.
+std::unique_ptr<Task> observe_coil_temperatures(Clock& clock, Interlock& coils, Recorder& recorder);
+
 /// The side camera's latest observations: its observer alone takes that camera's frames, and a loop
 /// asks here for the one of a moment.
 class SideObservationBuffer {

@@ -118,7 +118,7 @@ struct Servo::Loop {
         settings(given),
         source(the_clock, the_rig, the_recorder, std::move(given_cameras), given),
         controller(the_rig.model, controller_settings(the_rig, given, source.period())),
-        archive(the_recorder, the_rig, source_of(given.feedback),
+        archive(the_recorder, the_rig, given.axis, source_of(given.feedback),
                 given.law == ControlLaw::estimator) {
     recorder.event(clock.now(), "feedback",
                    fmt::format("law {}, feedback {} ({})", to_string(given.law),

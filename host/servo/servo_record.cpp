@@ -1,62 +1,222 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/servo_record.h"
 
+#include "host/record/meaning.h"
 #include "vision/draw.h"
 
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
+#include <optional>
+#include <vector>
 
 namespace vitreo {
 namespace {
 
 constexpr std::size_t kTrail = 150;  // frames: 10 s at 15 fps
 
-/// Names of streams and columns are a part of the record's format; readers and reports look for
-/// them.
+/// What a row of the stream "servo" is made of.
+struct ServoTurn {
+  const Observation& observation;
+  const control::Reference& target;
+  const ControlStep& step;
+  const RigModel& model;
+  std::optional<Eigen::Vector2d> target_px;
+};
+
+Eigen::Vector3d position_of(const ServoTurn& turn) {
+  return turn.observation.position.value_or(Eigen::Vector3d::Constant(std::nan("")));
+}
+
+/// In the top image; NaN where the robot was not seen by a camera.
+double of_ellipse(const ServoTurn& turn, double (*value)(const vision::Ellipse&)) {
+  return turn.observation.ellipse ? value(turn.observation.ellipse->ellipse) : std::nan("");
+}
+
+double covariance_of(const ServoTurn& turn, int row, int column) {
+  return turn.observation.position ? turn.observation.covariance(row, column) : std::nan("");
+}
+
+/// A channel with its value: name, unit, meaning and calculation stand in one place.
+struct ServoChannel {
+  Channel info;
+  double (*value)(const ServoTurn&);
+};
+
+// The channels of a position with its uncertainty.
+const ServoChannel kPositionChannels[] = {
+    {{"x", "m", "measured position of the robot", kWorld},
+     [](const ServoTurn& t) { return position_of(t).x(); }},
+    {{"y", "m", "measured position of the robot", kWorld},
+     [](const ServoTurn& t) { return position_of(t).y(); }},
+    {{"z", "m", "measured position of the robot", kWorld},
+     [](const ServoTurn& t) { return position_of(t).z(); }},
+    {{"target_x", "m", "where the robot was to be at that moment", kWorld},
+     [](const ServoTurn& t) { return t.target.position.x(); }},
+    {{"target_y", "m", "where the robot was to be at that moment", kWorld},
+     [](const ServoTurn& t) { return t.target.position.y(); }},
+    {{"target_z", "m", "where the robot was to be at that moment", kWorld},
+     [](const ServoTurn& t) { return t.target.position.z(); }},
+};
+
+const ServoChannel kImageChannels[] = {
+    {{"u_px", "px", "center of the robot's ellipse", kTopImage},
+     [](const ServoTurn& t) {
+       return of_ellipse(t, [](const vision::Ellipse& e) { return e.center_px.x(); });
+     }},
+    {{"v_px", "px", "center of the robot's ellipse", kTopImage},
+     [](const ServoTurn& t) {
+       return of_ellipse(t, [](const vision::Ellipse& e) { return e.center_px.y(); });
+     }},
+    {{"semi_major_px", "px", "longer semi-axis of the robot's ellipse", kTopImage},
+     [](const ServoTurn& t) {
+       return of_ellipse(t, [](const vision::Ellipse& e) { return e.semi_major_px; });
+     }},
+    {{"semi_minor_px", "px", "shorter semi-axis of the robot's ellipse", kTopImage},
+     [](const ServoTurn& t) {
+       return of_ellipse(t, [](const vision::Ellipse& e) { return e.semi_minor_px; });
+     }},
+    {{"angle", "rad", "direction of the longer semi-axis, from u towards v", kTopImage},
+     [](const ServoTurn& t) {
+       return of_ellipse(t, [](const vision::Ellipse& e) { return e.angle; });
+     }},
+    {{"residual_px", "px",
+      "how far the position's image is from the ellipse of the robot that it was computed from",
+      kTopImage},
+     [](const ServoTurn& t) { return t.observation.residual_px; }},
+};
+
+const ServoChannel kStateChannels[] = {
+    {{"sigma_x", "m", "standard deviation of x: the root of cov_xx", kWorld},
+     [](const ServoTurn& t) { return std::sqrt(covariance_of(t, 0, 0)); }},
+    {{"sigma_y", "m", "standard deviation of y: the root of cov_yy", kWorld},
+     [](const ServoTurn& t) { return std::sqrt(covariance_of(t, 1, 1)); }},
+    {{"sigma_z", "m", "standard deviation of z: the root of cov_zz", kWorld},
+     [](const ServoTurn& t) { return std::sqrt(covariance_of(t, 2, 2)); }},
+    {{"headroom", "1",
+      "1 less the largest current as a part of its limit, over the coils in use: 0 is at the "
+      "limit"},
+     [](const ServoTurn& t) { return t.step.headroom; }},
+    {{"limited", "1",
+      "1: a current limit cost something of the field or the force that was wanted"},
+     [](const ServoTurn& t) { return t.step.limited ? 1.0 : 0.0; }},
+    {{"rim_seen", "1", "part of the ellipse's outline on which an edge was found in the image"},
+     [](const ServoTurn& t) {
+       return t.observation.ellipse ? t.observation.ellipse->inlier_fraction : 0;
+     }},
+    {{"pair_skew", "s", "exposure of the side camera's frame less that of the top camera's"},
+     [](const ServoTurn& t) { return t.observation.pair_skew.value_or(std::nan("")); }},
+    {{"cov_xx", "m^2", "covariance of the measured position", kWorld},
+     [](const ServoTurn& t) { return covariance_of(t, 0, 0); }},
+    {{"cov_xy", "m^2", "covariance of the measured position", kWorld},
+     [](const ServoTurn& t) { return covariance_of(t, 0, 1); }},
+    {{"cov_xz", "m^2", "covariance of the measured position", kWorld},
+     [](const ServoTurn& t) { return covariance_of(t, 0, 2); }},
+    {{"cov_yy", "m^2", "covariance of the measured position", kWorld},
+     [](const ServoTurn& t) { return covariance_of(t, 1, 1); }},
+    {{"cov_yz", "m^2", "covariance of the measured position", kWorld},
+     [](const ServoTurn& t) { return covariance_of(t, 1, 2); }},
+    {{"cov_zz", "m^2", "covariance of the measured position", kWorld},
+     [](const ServoTurn& t) { return covariance_of(t, 2, 2); }},
+};
+
+// What the live view draws beside the position. Clearances of the body's surface belong here.
+const ServoChannel kDrawnChannels[] = {
+    {{"retina_distance", "m",
+      "of the measured position from the retina's sphere, along its normal"},
+     [](const ServoTurn& t) {
+       return t.observation.position ? retina_distance(t.model, position_of(t)) : std::nan("");
+     }},
+    {{"target_u_px", "px", "image of the target", kTopImage},
+     [](const ServoTurn& t) { return t.target_px ? t.target_px->x() : std::nan(""); }},
+    {{"target_v_px", "px", "image of the target", kTopImage},
+     [](const ServoTurn& t) { return t.target_px ? t.target_px->y() : std::nan(""); }},
+};
+
+/// Names and order of the columns are a part of the record's format; readers and reports look for
+/// them. New ones come last.
+const std::vector<ServoChannel>& servo_channels() {
+  static const std::vector<ServoChannel> kAll = [] {
+    std::vector<ServoChannel> all;
+    const auto add = [&all](const auto& some) {
+      all.insert(all.end(), std::begin(some), std::end(some));
+    };
+    add(kPositionChannels);
+    add(kImageChannels);
+    add(kStateChannels);
+    add(kDrawnChannels);
+    return all;
+  }();
+  return kAll;
+}
+
 StreamInfo servo_stream(const std::string& source) {
-  return {"servo",
-          source + ", and the loop's own numbers",
-          {{"x", "m"},
-           {"y", "m"},
-           {"z", "m"},
-           {"target_x", "m"},
-           {"target_y", "m"},
-           {"target_z", "m"},
-           {"u_px", ""},
-           {"v_px", ""},
-           {"semi_major_px", ""},
-           {"semi_minor_px", ""},
-           {"angle", "rad"},
-           {"residual_px", ""},
-           {"sigma_x", "m"},
-           {"sigma_y", "m"},
-           {"sigma_z", "m"},
-           {"headroom", ""},
-           {"limited", ""},
-           {"rim_seen", ""},
-           {"pair_skew", "s"}}};
+  StreamInfo info{"servo", source + ", and the loop's own numbers", {}, kExposure};
+  for (const ServoChannel& one : servo_channels()) info.channels.push_back(one.info);
+  return info;
 }
 
 StreamInfo estimate_stream() {
+  const char* const kPlace = "position as the filter knows it at that moment";
+  const char* const kPushes = "velocity that the model does not explain";
+  const char* const kSigma = "standard deviation of the position";
   return {"estimate",
           "the loop's estimator: place now, and the velocity that the model does not know of",
-          {{"x", "m"},
-           {"y", "m"},
-           {"z", "m"},
-           {"disturbance_x", "m/s"},
-           {"disturbance_y", "m/s"},
-           {"disturbance_z", "m/s"},
-           {"sigma_x", "m"},
-           {"sigma_y", "m"},
-           {"sigma_z", "m"}}};
+          {{"x", "m", kPlace, kWorld},
+           {"y", "m", kPlace, kWorld},
+           {"z", "m", kPlace, kWorld},
+           {"disturbance_x", "m/s", kPushes, kWorld},
+           {"disturbance_y", "m/s", kPushes, kWorld},
+           {"disturbance_z", "m/s", kPushes, kWorld},
+           {"sigma_x", "m", kSigma, kWorld},
+           {"sigma_y", "m", kSigma, kWorld},
+           {"sigma_z", "m", kSigma, kWorld}},
+          kSetPoint};
 }
 
 StreamInfo current_stream(int coils) {
-  StreamInfo info{"currents", "set-points of the coil amplifiers", {}};
+  StreamInfo info{"currents", "set-points of the coil amplifiers", {}, kSetPoint};
   for (int coil = 1; coil <= coils; ++coil)
-    info.channels.push_back({"i" + std::to_string(coil), "A"});
+    info.channels.push_back({"i" + std::to_string(coil), "A", "current that was commanded"});
   return info;
+}
+
+StreamInfo command_stream() {
+  const char* const kField =
+      "field at the robot's last measured position for the commanded currents, by the rig's model; "
+      "nothing outside of the model's region";
+  const char* const kAxis = "unit vector of the orientation that is commanded to the robot";
+  return {"command",
+          "field and orientation that the loop commands",
+          {{"field_x", "T", kField, kWorld},
+           {"field_y", "T", kField, kWorld},
+           {"field_z", "T", kField, kWorld},
+           {"axis_x", "1", kAxis, kWorld},
+           {"axis_y", "1", kAxis, kWorld},
+           {"axis_z", "1", kAxis, kWorld},
+           {"field_wanted", "T", "magnitude of the field for which the currents were computed"}},
+          kSetPoint};
+}
+
+/// Image of a world position in the top camera: the nominal optics, (5.2) to (5.11), then K of
+/// (5.12).
+std::optional<Eigen::Vector2d> top_pixel(const RigModel& model, const Eigen::Vector3d& position) {
+  if (!position.allFinite()) return std::nullopt;
+  const auto m = model.projection.project(position - model.eye_in_world);
+  if (!m) return std::nullopt;
+  return model.top_image.pixel_from_m(*m);
+}
+
+/// The model's field for these currents, T; NaN where the model does not hold.
+Eigen::Vector3d field_at(const RigModel& model, const Eigen::Vector3d& position,
+                         const std::vector<double>& currents) {
+  const auto count = static_cast<Eigen::Index>(currents.size());
+  if (!position.allFinite() || !model.field.valid_at(position) || model.field.coils() != count)
+    return Eigen::Vector3d::Constant(std::nan(""));
+  // The model is linear in the currents; its first three rows are the field.
+  const Eigen::VectorXd amperes = Eigen::Map<const Eigen::VectorXd>(currents.data(), count);
+  return (model.field.matrix(position) * amperes + model.field.background(position)).head<3>();
 }
 
 /// The stream of that name, which a second loop of the same run shares.
@@ -69,49 +229,40 @@ int stream_of(Recorder& recorder, const StreamInfo& info) {
 
 }  // namespace
 
-ServoRecord::ServoRecord(Recorder& recorder, const Rig& rig, const std::string& source,
-                         bool estimates)
+// The retina is a sphere through the eye's origin, with its center a radius above it (thesis table
+// 3.1).
+double retina_distance(const RigModel& model, const Eigen::Vector3d& position) {
+  const double radius = model.eye.surfaces.front().radius;
+  return radius - (position - model.eye_in_world - Eigen::Vector3d(0, 0, radius)).norm();
+}
+
+ServoRecord::ServoRecord(Recorder& recorder, const Rig& rig, const Eigen::Vector3d& axis,
+                         const std::string& source, bool estimates)
     : recorder_(recorder),
       rig_(rig),
+      axis_(axis.normalized()),
       samples_(stream_of(recorder, servo_stream(source))),
-      currents_(stream_of(recorder, current_stream(rig.coils->channels()))) {
+      currents_(stream_of(recorder, current_stream(rig.coils->channels()))),
+      commands_(stream_of(recorder, command_stream())) {
   if (estimates) estimates_ = stream_of(recorder, estimate_stream());
 }
 
-/// Two times: the observation's row has that of its exposure, currents and estimate have now. What
-/// was not observed is NaN, in the tables NULL.
+/// Two times: the observation's row has that of its exposure, the others have now. What was not
+/// observed is NaN, in the tables NULL.
 void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
                          const control::Reference& target, const ControlStep& step) {
-  const Eigen::Vector3d nowhere = Eigen::Vector3d::Constant(std::nan(""));
-  const Eigen::Vector3d p = observation.position.value_or(nowhere);
-  const Eigen::Vector3d t = target.position;
-  const vision::Ellipse e = observation.ellipse ? observation.ellipse->ellipse
-                                                : vision::Ellipse{nowhere.head<2>(), nowhere.x(),
-                                                                  nowhere.x(), nowhere.x()};
-  const Eigen::Vector3d sigma =
-      observation.position ? observation.covariance.diagonal().cwiseSqrt().eval() : nowhere;
-  // In the order of servo_stream().
-  const std::array<double, 19> row{p.x(),
-                                   p.y(),
-                                   p.z(),
-                                   t.x(),
-                                   t.y(),
-                                   t.z(),
-                                   e.center_px.x(),
-                                   e.center_px.y(),
-                                   e.semi_major_px,
-                                   e.semi_minor_px,
-                                   e.angle,
-                                   observation.residual_px,
-                                   sigma.x(),
-                                   sigma.y(),
-                                   sigma.z(),
-                                   step.headroom,
-                                   step.limited ? 1.0 : 0.0,
-                                   observation.ellipse ? observation.ellipse->inlier_fraction : 0,
-                                   observation.pair_skew.value_or(std::nan(""))};
-  recorder_.sample(samples_, exposed, row);
-  recorder_.sample(currents_, now, rig_.coils->currents());
+  const ServoTurn turn{observation, target, step, rig_.model,
+                       top_pixel(rig_.model, target.position)};
+  row_.clear();
+  for (const ServoChannel& one : servo_channels()) row_.push_back(one.value(turn));
+  recorder_.sample(samples_, exposed, row_);
+  const std::vector<double> currents = rig_.coils->currents();
+  recorder_.sample(currents_, now, currents);
+  if (observation.position) position_ = *observation.position;
+  const Eigen::Vector3d field = field_at(rig_.model, position_, currents);
+  recorder_.sample(commands_, now,
+                   std::array{field.x(), field.y(), field.z(), axis_.x(), axis_.y(), axis_.z(),
+                              step.currents.size() > 0 ? step.field : std::nan("")});
   if (estimates_ >= 0 && step.estimate) {
     const control::PositionEstimate& known = *step.estimate;
     const Eigen::Vector3d pushed = known.unexplained();
@@ -121,7 +272,7 @@ void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
                                 pushed.x(), pushed.y(), pushed.z(), s.x(), s.y(), s.z()});
   }
   if (!observation.ellipse) return;
-  trail_.push_back(e.center_px);
+  trail_.push_back(observation.ellipse->ellipse.center_px);
   if (trail_.size() > kTrail) trail_.pop_front();
 }
 
@@ -131,10 +282,7 @@ void ServoRecord::picture(const Frame& frame, const Observation& observation,
   vision::Overlay overlay;
   if (observation.ellipse) overlay.tracked = observation.ellipse->ellipse;
   overlay.trail_px.assign(trail_.begin(), trail_.end());
-  // The target through the nominal optics: (5.2) to (5.11), then K of (5.12).
-  const Eigen::Vector3d target_in_eye = target.position - rig_.model.eye_in_world;
-  if (const auto m = rig_.model.projection.project(target_in_eye))
-    overlay.target_px = rig_.model.top_image.pixel_from_m(*m);
+  if (const auto pixel = top_pixel(rig_.model, target.position)) overlay.target_px = *pixel;
   overlay.scale_bar_px = 1e-3 / rig_.model.top_image.pixel;
   overlay.scale_bar_label = "1 mm of aerial image";
   recorder_.picture("frame_" + std::to_string(frame.number), caption,

@@ -11,15 +11,22 @@
 
 #include <Eigen/Core>
 
+#include <cmath>
 #include <deque>
 #include <string>
+#include <vector>
 
 namespace vitreo {
 
+/// Distance of a point from the retina, m, along its normal; negative beyond it.
+double retina_distance(const RigModel& model, const Eigen::Vector3d& position);
+
 class ServoRecord {
  public:
-  /// `source` says what feeds the loop. `estimates`: with the stream "estimate".
-  ServoRecord(Recorder& recorder, const Rig& rig, const std::string& source, bool estimates);
+  /// `axis`: commanded orientation, world. `source` says what feeds the loop. `estimates`: with the
+  /// stream "estimate".
+  ServoRecord(Recorder& recorder, const Rig& rig, const Eigen::Vector3d& axis,
+              const std::string& source, bool estimates);
   void sample(Time exposed, Time now, const Observation& observation,
               const control::Reference& target, const ControlStep& step);
   /// The frame with the tracked ellipse, the trail and the target.
@@ -29,10 +36,14 @@ class ServoRecord {
  private:
   Recorder& recorder_;
   const Rig& rig_;
+  const Eigen::Vector3d axis_;
   // Numbers of the streams; -1: none.
   int samples_;
   int currents_;
+  int commands_;
   int estimates_ = -1;
+  Eigen::Vector3d position_ = Eigen::Vector3d::Constant(std::nan(""));  // m, last measured
+  std::vector<double> row_;
   std::deque<Eigen::Vector2d> trail_;
 };
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/simulated_side.h"
 
+#include "host/record/meaning.h"
+
 #include <array>
 #include <limits>
 
@@ -9,7 +11,11 @@ namespace vitreo {
 StreamInfo side_stream(const std::string& source) {
   return {"side_camera",
           source,
-          {{"x", "m"}, {"z", "m"}, {"semi_major_px", ""}, {"semi_minor_px", ""}}};
+          {{"x", "m", "position of the robot", kWorld},
+           {"z", "m", "position of the robot", kWorld},
+           {"semi_major_px", "px", "longer semi-axis of the robot's ellipse", kSideImage},
+           {"semi_minor_px", "px", "shorter semi-axis of the robot's ellipse", kSideImage}},
+          kExposure};
 }
 
 // The ellipse's axes are NaN, in the tables NULL: no image was rendered that could be measured.

@@ -3,6 +3,7 @@
 
 #include "devices/time/error.h"
 #include "host/config/config.h"
+#include "host/record/meaning.h"
 #include "host/session/clock_map.h"
 
 #include <algorithm>
@@ -136,7 +137,10 @@ class FrameRecording::Tap final : public Camera {
       windows_ = recorder_.add_camera(recorded_as(name_ + "_window", policy.every));
       corners_ = recorder_.add_stream({name_ + "_window",
                                        "where the recorded windows stand in the frames",
-                                       {{"frame", ""}, {"left_px", ""}, {"top_px", ""}}});
+                                       {{"frame", "1", "the camera's number of the frame"},
+                                        {"left_px", "px", "column of the window's first pixel"},
+                                        {"top_px", "px", "row of the window's first pixel"}},
+                                       kExposure});
     }
     policy_ = policy;
     whole_ = policy.window > 0 ? whole : policy.every;
@@ -187,7 +191,9 @@ class FrameRecording::Tap final : public Camera {
       clock_stream_ =
           recorder_.add_stream({name_ + "_clock",
                                 "what to add to the instrument's own time to have the host's",
-                                {{"offset", "s"}, {"drift", ""}}});
+                                {{"offset", "s", "host's clock less the instrument's"},
+                                 {"drift", "1", "rate of the offset, s per s"}},
+                                kExposure});
     recorder_.sample(clock_stream_, frame.exposed, std::array{offset->offset, offset->drift});
   }
 
@@ -197,19 +203,21 @@ class FrameRecording::Tap final : public Camera {
     if (RecordListener* const listener = recorder_.listener()) listener->seen(name_, frame);
     // Two callers may be handed the same frame.
     if (recorded_ < 0 || (last_ && frame.number <= *last_)) return;
+    // Numbers count exposures: what is missing between two never came, or was not taken in time.
+    if (last_) lost_ += frame.number - *last_ - 1;
     last_ = frame.number;
-    if (policy_.around <= 0) return keep(frame, count_++);
+    if (policy_.around <= 0) return keep({frame, count_++, lost_});
     const Time around = from_seconds(policy_.around);
     if (something_happened()) until_ = frame.exposed + around;
-    ring_.emplace_back(frame, count_++);
+    ring_.push_back({frame, count_++, lost_});
     ring_bytes_ += bytes_of(frame);
     // A frame within `around` of an event is kept at once, with those in the ring before it; else
     // the ring forgets what is older than `around`, or beyond its bytes.
     const bool now = until_ && frame.exposed <= *until_;
     while (!ring_.empty() &&
-           (now || ring_bytes_ > kRing || ring_.front().first.exposed < frame.exposed - around)) {
-      if (now) keep(ring_.front().first, ring_.front().second);
-      ring_bytes_ -= bytes_of(ring_.front().first);
+           (now || ring_bytes_ > kRing || ring_.front().frame.exposed < frame.exposed - around)) {
+      if (now) keep(ring_.front());
+      ring_bytes_ -= bytes_of(ring_.front().frame);
       ring_.pop_front();
     }
   }
@@ -225,14 +233,22 @@ class FrameRecording::Tap final : public Camera {
     return some;
   }
 
-  // `count` is the frame's place since start(), so a frame that waited in the ring is thinned out
-  // as it would have been at once.
-  void keep(const Frame& frame, std::int64_t count) {
-    if (count % whole_ == 0) recorder_.frame(recorded_, frame);
-    if (windows_ >= 0 && count % policy_.every == 0) keep_window(frame);
+  struct Taken {
+    Frame frame;
+    std::int64_t count = 0;  // its place since start()
+    std::uint64_t lost = 0;  // exposures that were missing since start()
+  };
+
+  // A frame that waited in the ring is thinned out as it would have been at once.
+  void keep(const Taken& taken) {
+    if (taken.count % whole_ == 0)
+      recorder_.frame(recorded_, taken.frame,
+                      taken.lost - std::exchange(lost_before_whole_, taken.lost));
+    if (windows_ >= 0 && taken.count % policy_.every == 0) keep_window(taken);
   }
 
-  void keep_window(const Frame& frame) {
+  void keep_window(const Taken& taken) {
+    const Frame& frame = taken.frame;
     const auto robot = robot_px();
     if (!robot) return;
     const int size = policy_.window;
@@ -247,7 +263,7 @@ class FrameRecording::Tap final : public Camera {
     const cv::Rect part(left, top, size, size);
     window.image = frame.image(part).clone();
     if (!frame.deep.empty()) window.deep = frame.deep(part).clone();
-    recorder_.frame(windows_, window);
+    recorder_.frame(windows_, window, taken.lost - std::exchange(lost_before_window_, taken.lost));
     recorder_.sample(corners_, frame.exposed,
                      std::array{static_cast<double>(frame.number), static_cast<double>(left),
                                 static_cast<double>(top)});
@@ -286,13 +302,17 @@ class FrameRecording::Tap final : public Camera {
   int recorded_ = -1;
   int windows_ = -1;
   int corners_ = -1;
-  int whole_ = 1;                      // each n-th frame is recorded whole
+  int whole_ = 1;  // each n-th frame is recorded whole
+  // Exposures that are missing since start(): all, and those before the last recorded frame.
+  std::uint64_t lost_ = 0;
+  std::uint64_t lost_before_whole_ = 0;
+  std::uint64_t lost_before_window_ = 0;
   int takers_ = 0;                     // callers that wait in grab()
   std::int64_t count_ = 0;             // frames since start()
   std::optional<std::uint64_t> last_;  // number of the last frame that was counted
   std::optional<Time> taken_;          // when a caller last got a frame
   // Around events: frames with their counts that wait for one.
-  std::deque<std::pair<Frame, std::int64_t>> ring_;
+  std::deque<Taken> ring_;
   std::size_t ring_bytes_ = 0;
   std::size_t events_seen_ = 0;
   std::optional<Time> until_;  // exposures up to this are kept

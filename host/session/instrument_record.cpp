@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/session/instrument_record.h"
 
+#include "host/record/meaning.h"
+
 #include <string>
 #include <utility>
 
@@ -17,7 +19,8 @@ std::vector<int> add_streams(const FreeRole& role, const InstrumentInfo& info, R
     streams[i] =
         recorder.add_stream({role.name + "_" + one.name,
                              to_string(info.identity) + (one.help.empty() ? "" : ": " + one.help),
-                             {{one.name, one.unit}}});
+                             {{one.name, one.unit, one.help.empty() ? one.name : one.help}},
+                             kReading});
   }
   return streams;
 }

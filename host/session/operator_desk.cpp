@@ -70,7 +70,8 @@ void OperatorDesk::end(StopTier tier, const OperatorCommand& command) {
   std::string reason = "by " + (command.by.empty() ? command.source : command.by);
   // "by NAME: REASON", as the end record has it.
   if (!command.text.empty()) reason += ": " + command.text;
-  control_.request(tier, reason);
+  if (command.source == "the script") return control_.request(tier, reason, {"script"});
+  control_.request(tier, reason, {"person", command.by, command.source});
 }
 
 void OperatorDesk::resume(const OperatorCommand& command) {

@@ -2,9 +2,13 @@
 #include "host/session/run_control.h"
 
 #include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <fcntl.h>
 #include <signal.h>
 #include <thread>
 #include <time.h>
+#include <unistd.h>
 #include <utility>
 
 namespace vitreo {
@@ -17,6 +21,52 @@ std::int64_t steady_now() noexcept {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(
              std::chrono::steady_clock::now().time_since_epoch())
       .count();
+}
+
+/// The name of a process, from /proc/PID/comm; "" where it is gone. Async-signal-safe: open, read
+/// and close are, sprintf is not.
+void name_of_process(pid_t process, std::array<char, 16>& name) noexcept {
+  std::array<char, 32> path{"/proc/"};
+  std::array<char, 12> digits{};
+  std::size_t count = 0;
+  for (pid_t rest = process; rest > 0 && count < digits.size(); rest /= 10)
+    digits[count++] = static_cast<char>('0' + rest % 10);
+  std::size_t at = std::strlen(path.data());
+  while (count > 0) path[at++] = digits[--count];
+  std::memcpy(path.data() + at, "/comm", sizeof "/comm");
+  name = {};
+  const int file = open(path.data(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return;
+  const ssize_t read_bytes = read(file, name.data(), name.size() - 1);
+  close(file);
+  if (read_bytes <= 0) name = {};
+  for (char& c : name)
+    if (c == '\n') c = '\0';
+}
+
+const char* signal_name(int number) {
+  return number == SIGINT    ? "SIGINT"
+         : number == SIGTERM ? "SIGTERM"
+         : number == SIGHUP  ? "SIGHUP"
+                             : "a signal";
+}
+
+/// Who sends which signal: Ctrl-C is a person's; Slurm's step daemon ends a job by SIGTERM, and so
+/// do its tools within a job.
+EndCause cause_of_signal(int number, const std::string& sender) {
+  const char* const job = std::getenv("SLURM_JOB_ID");
+  if (sender == "slurmstepd" || (job != nullptr && number == SIGTERM))
+    return {"scheduler", job != nullptr ? std::string("Slurm, job ") + job : "Slurm", "",
+            signal_name(number)};
+  if (number == SIGINT) return {"person", "", "the terminal", signal_name(number)};
+  return {"signal", sender, "", signal_name(number)};
+}
+
+/// "by the operator", "by the scheduler (Slurm, job 7)", "by SIGTERM of systemd".
+std::string reason_of(const EndCause& cause) {
+  if (cause.by == "scheduler") return "by the scheduler (" + cause.name + ")";
+  if (cause.by == "person") return "by the operator";
+  return "by " + cause.signal + (cause.name.empty() ? "" : " of " + cause.name);
 }
 
 // SIGUSR1 on the script's thread: it breaks off a system call and runs the delivery there.
@@ -86,10 +136,23 @@ void RunControl::request(StopTier tier) noexcept {
     pthread_kill(script_, SIGUSR1);
 }
 
-void RunControl::request(StopTier tier, const std::string& reason) {
+void RunControl::request(StopTier tier, const std::string& reason, const EndCause& cause) {
   // Not atomic with the request; of two at once either reason is a true one.
-  if (tier > tier_) set_reason(reason);
+  if (tier > tier_) {
+    set_reason(reason);
+    const std::lock_guard lock(mutex_);
+    cause_ = cause;
+  }
   request(tier);
+}
+
+void RunControl::request_by_signal(int number, pid_t sender) noexcept {
+  // Between two statements of the prompt nothing is asked.
+  if (!idle_ && signal_ == 0) {
+    if (sender > 0) name_of_process(sender, sender_);
+    signal_ = number;
+  }
+  request(next(tier_));
 }
 
 void RunControl::request_and_wait(StopTier tier) noexcept {
@@ -149,7 +212,16 @@ void RunControl::set_reason(const std::string& reason) {
 
 std::string RunControl::reason() const {
   const std::lock_guard lock(mutex_);
-  return reason_.empty() ? "by the operator" : reason_;
+  if (!reason_.empty()) return reason_;
+  const int number = signal_;
+  return number == 0 ? "by the operator" : reason_of(cause_of_signal(number, sender_.data()));
+}
+
+EndCause RunControl::cause() const {
+  const std::lock_guard lock(mutex_);
+  if (!cause_.by.empty()) return cause_;
+  const int number = signal_;
+  return number == 0 ? EndCause{"person"} : cause_of_signal(number, sender_.data());
 }
 
 void RunControl::set_location(const std::string& location) {
@@ -230,6 +302,11 @@ void RunControl::set_idle(bool idle) {
     for (auto& time : requested_at_) time = 0;
     safe_ = false;
     set_reason("");
+    signal_ = 0;
+    {
+      const std::lock_guard lock(mutex_);
+      cause_ = {};
+    }
     set_phase(pause_ ? RunPhase::pause_requested : RunPhase::running);
   }
   idle_ = idle;

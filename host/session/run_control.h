@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/record/run_data.h"
 #include "host/session/run_status.h"
 
 #include <array>
@@ -42,8 +43,11 @@ class RunControl {
   /// Any thread, signal handlers too. A lower tier than before changes nothing; the same one breaks
   /// off the next wait as well, which is how a clean-up that does not end is cut short.
   void request(StopTier tier) noexcept;
-  /// With why; what asks for no more than was asked for already does not change the reason.
-  void request(StopTier tier, const std::string& reason);
+  /// With why, and by whom; what asks for no more than was asked for already changes neither.
+  void request(StopTier tier, const std::string& reason, const EndCause& cause = {"program"});
+  /// One tier more, by a signal from the process `sender` (0: from the terminal). In its handler:
+  /// async-signal-safe.
+  void request_by_signal(int number, pid_t sender) noexcept;
   /// The same for a task that holds the clock's baton: returns when the script's thread has been
   /// reached, so that a run on the virtual clock that is stopped at some moment repeats.
   void request_and_wait(StopTier tier) noexcept;
@@ -65,6 +69,8 @@ class RunControl {
   /// By whom the end was requested, and why: for the end record. Empty: by the operator.
   void set_reason(const std::string& reason);
   std::string reason() const;
+  /// The same in the words of the end record; {"person"} where nothing else is known.
+  EndCause cause() const;
   /// "file:line" where the script was when it ended; empty until then, and where it came to its
   /// end.
   void set_location(const std::string& location);
@@ -110,11 +116,16 @@ class RunControl {
   std::atomic<bool> idle_{false};
   std::atomic<unsigned long> changes_{0};
   std::atomic<unsigned long> deliveries_{0};
+  // The first signal that asked for an end, and what its sender is called: a name of Linux' has 15
+  // characters. Written before `signal_`, and not again until it is 0.
+  std::atomic<int> signal_{0};
+  std::array<char, 16> sender_{};
   sem_t request_;
   mutable std::mutex mutex_;  // of what follows; never taken in a signal handler
   RunStatus status_;
   std::string pause_at_;
   std::string reason_;
+  EndCause cause_;
   std::string location_;
   std::string override_by_;
   const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();

@@ -20,8 +20,6 @@ using nlohmann::json;
 // A multiple of the server's tick of 10 ms: 30 frames a second pass.
 constexpr auto kFramePeriod = std::chrono::milliseconds(30);
 constexpr auto kStatePeriod = std::chrono::milliseconds(100);
-// Of the experiment, between two readings of the coils' temperatures.
-constexpr Time kTemperaturePeriod = std::chrono::milliseconds(500);
 constexpr std::size_t kHistory = 600;   // rows of a stream for a viewer that joins
 constexpr std::size_t kMostRows = 200;  // rows of a stream in one message
 constexpr int kJpegQuality = 80;
@@ -113,7 +111,6 @@ struct LiveView::State {
   std::string title, outcome;
   bool end_sent = true;
   std::optional<Pointing> pointing;
-  std::unique_ptr<Task> watcher;
   // The server's thread only.
   std::map<int, Sent> sent;
   int operator_viewer = 0;  // the viewer that has control; 0: none
@@ -237,11 +234,10 @@ json LiveView::State::status(int viewer) {
   state["takes_targets"] = session->targets.wanted();
   state["viewers"] = sent.size();
   const auto servo = board.samples("servo", {}, 1);
-  const auto currents = board.samples("currents", {}, 1);
+  const auto command = board.samples("command", {}, 1);
   // The robot's marks and the field at it, from the newest rows.
   if (!servo.empty()) state.update(pointing->marks(servo[0].values));
-  if (!currents.empty() && !servo.empty())
-    state["field"] = pointing->field(servo[0].values, currents[0].values);
+  if (!command.empty()) state["field"] = Pointing::field(command[0].values);
   return state;
 }
 
@@ -321,26 +317,12 @@ void LiveView::begin(Session& session) {
   // The board listens to the record, and frames come also while the script grabs none.
   session.recorder.watch(&state_->board);
   session.frames.watch();
-  state_->watcher = session.clock.spawn(
-      "live view", [&session, this,
-                    info = StreamInfo{"coil_temperature", "the interlock's model", {}}]() mutable {
-        // The interlock's temperatures are no stream of the record, so they are read here.
-        while (session.rig.coils != nullptr) {
-          session.clock.sleep_for(kTemperaturePeriod);
-          const std::vector<double> kelvins = session.rig.coils->temperatures();
-          while (info.channels.size() < kelvins.size())
-            info.channels.push_back({"t" + std::to_string(info.channels.size() + 1), "K"});
-          if (!kelvins.empty()) state_->board.sample(info, session.clock.now(), kelvins);
-        }
-      });
   state_->board.message("live view: " + invitation());
 }
 
 // Also called by the destructor, and for a run that never began: then there is no session to
 // forget.
 void LiveView::end(const std::string& outcome) {
-  // First, and without the lock: it is a task that uses the session.
-  state_->watcher.reset();
   const std::lock_guard lock(state_->mutex);
   if (state_->session == nullptr) return;
   state_->session->recorder.watch(nullptr);

@@ -2,6 +2,7 @@
 #include "host/view/pointing.h"
 
 #include "host/servo/servo.h"
+#include "host/servo/servo_record.h"
 
 #include <Eigen/LU>
 
@@ -113,27 +114,15 @@ nlohmann::json Pointing::marks(const std::vector<double>& servo) const {
   nlohmann::json marks = nlohmann::json::object();
   const Eigen::Vector3d robot = Eigen::Map<const Eigen::Vector3d>(servo.data());
   const Eigen::Vector3d target = Eigen::Map<const Eigen::Vector3d>(servo.data() + 3);
-  const double radius = model_.eye.surfaces.front().radius;
-  if (robot.allFinite())
-    // The retina is a sphere through the eye's origin, with its center a radius above it.
-    marks["retina_distance"] =
-        radius - (robot - model_.eye_in_world - Eigen::Vector3d(0, 0, radius)).norm();
+  if (robot.allFinite()) marks["retina_distance"] = retina_distance(model_, robot);
   if (!target.allFinite()) return marks;
   if (const auto pixel = pixel_of(target)) marks["target_px"] = {pixel->x(), pixel->y()};
   return marks;
 }
 
-nlohmann::json Pointing::field(const std::vector<double>& servo,
-                               const std::vector<double>& currents) const {
-  const Eigen::Vector3d robot = Eigen::Map<const Eigen::Vector3d>(servo.data());
-  const auto count = static_cast<Eigen::Index>(currents.size());
-  // No robot, outside the model's workspace, or a record of other coils: nothing to show.
-  if (!robot.allFinite() || !model_.field.valid_at(robot) || model_.field.coils() != count)
-    return nullptr;
-  const Eigen::VectorXd amperes = Eigen::Map<const Eigen::VectorXd>(currents.data(), count);
-  // The field model is linear in the currents; its first three rows are the field, T.
-  const Eigen::Vector3d b =
-      (model_.field.matrix(robot) * amperes + model_.field.background(robot)).head<3>();
+// The row begins with the field's x, y, z.
+nlohmann::json Pointing::field(const std::vector<double>& command) {
+  const Eigen::Vector3d b = Eigen::Map<const Eigen::Vector3d>(command.data());
   const double size = b.norm();
   if (!(size > 0)) return nullptr;
   return {{"tesla", size}, {"direction", {b.x() / size, b.y() / size, b.z() / size}}};

@@ -38,9 +38,9 @@ class Pointing {
   /// last row of the stream servo.
   nlohmann::json marks(const std::vector<double>& servo) const;
 
-  /// The commanded field at the robot, {"tesla", "direction": [x, y, z]}, from the last rows of the
-  /// streams servo and currents; null where there is no robot.
-  nlohmann::json field(const std::vector<double>& servo, const std::vector<double>& currents) const;
+  /// The commanded field at the robot, {"tesla", "direction": [x, y, z]}, from the last row of the
+  /// stream command; null where there is no robot.
+  static nlohmann::json field(const std::vector<double>& command);
 
  private:
   std::optional<Eigen::Vector2d> pixel_of(const Eigen::Vector3d& position) const;

@@ -17,14 +17,27 @@ import pandas as pd
 from .errors import RecordError
 from .record import Database, Run
 
-_LAYOUT = 1  # of the index's rows; another one is made anew
-_COLUMNS = ["time", "protocol", "title", "operator", "seed", "outcome", "reason", "experiment_time", "wall_time", "version", "folder"]
+_LAYOUT = 2  # SQLite's user_version: host/runs/catalog.cpp makes the same tables in the same file
+_TABLES = """
+CREATE TABLE run(id INTEGER PRIMARY KEY, name TEXT UNIQUE, mark TEXT, time TEXT, t0_utc_ns INTEGER,
+  protocol TEXT, title TEXT, operator TEXT, seed TEXT, outcome TEXT, reason TEXT, ended_by TEXT,
+  experiment_time REAL, wall_time REAL, version INTEGER, rig TEXT, words TEXT);
+CREATE TABLE value(run INTEGER, kind TEXT, name TEXT, number REAL, text TEXT, unit TEXT);
+CREATE INDEX run_mark ON run(name, mark);
+CREATE INDEX value_name ON value(name, kind, unit, number, run);
+CREATE INDEX value_run ON value(run, name);
+"""
+_LONGEST_WORDS = 8192  # bytes
+_COLUMNS = ["time", "protocol", "title", "operator", "seed", "outcome", "reason", "ended_by", "experiment_time", "wall_time", "version",
+            "rig", "folder"]
+_KINDS = {"p": "parameters", "r": "results", "t": "tags", "s": "sample"}
+_PREFIXES = {"parameters": "p.", "results": "r.", "tags": "tag.", "sample": "sample."}
 
 
 def _cache_file(folder):
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     name = hashlib.sha256(os.path.realpath(folder).encode("utf-8", "surrogateescape")).hexdigest()[:24]
-    return os.path.join(home, "vitreo", f"runs-{name}.sqlite")
+    return os.path.join(home, "vitreo", f"catalog-{name}.sqlite")
 
 
 @contextlib.contextmanager
@@ -48,13 +61,15 @@ def _open_cache(file):
     for attempt in (1, 2):
         connection = sqlite3.connect(file, timeout=0.2)
         try:
+            connection.execute("PRAGMA synchronous=OFF")  # after a power cut it is made anew
             if connection.execute("PRAGMA user_version").fetchone()[0] != _LAYOUT:
-                connection.executescript("BEGIN; DROP TABLE IF EXISTS head; CREATE TABLE head(name TEXT PRIMARY KEY, "
-                                         f"mark TEXT, head TEXT); PRAGMA user_version={_LAYOUT}; COMMIT")
+                if connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+                    raise sqlite3.DatabaseError("is no index of this program")
+                connection.executescript(f"BEGIN IMMEDIATE; {_TABLES} PRAGMA user_version={_LAYOUT}; COMMIT")
             return connection
         except sqlite3.DatabaseError as error:
             connection.close()
-            # Locked is for now; anything else is a damaged file, which is only an index.
+            # Locked is for now; anything else is a damaged or foreign file, which is only an index.
             if attempt == 2 or isinstance(error, sqlite3.OperationalError):
                 raise
             os.remove(file)
@@ -63,21 +78,91 @@ def _open_cache(file):
 def _known(cache, folder):
     """Name: (mark, head) of the index; empty where it is locked, or damaged and therefore removed."""
     try:
-        rows = cache.execute("SELECT name, mark, head FROM head").fetchall()
-        return {name: (mark, json.loads(head)) for name, mark, head in rows}
-    except sqlite3.OperationalError:
-        return {}
-    except (sqlite3.DatabaseError, ValueError):
-        with contextlib.suppress(OSError):
-            os.remove(_cache_file(folder))
-        return {}
+        cursor = cache.execute("SELECT * FROM run")
+        names = [one[0] for one in cursor.description]
+        rows = {row["id"]: row for row in (dict(zip(names, row)) for row in cursor)}
+        for row in rows.values():
+            row.update({kind: {} for kind in _KINDS.values()}, parameter_units={}, result_units={}, seed=_seed(row["seed"]))
+        for number, kind, name, value, text, unit in cache.execute("SELECT run, kind, name, number, text, unit FROM value ORDER BY rowid"):
+            if number in rows:
+                rows[number][_KINDS[kind]][name] = _value(kind, value, text)
+                if kind == "r" or kind == "p" and text is None:
+                    rows[number]["result_units" if kind == "r" else "parameter_units"][name] = unit
+        return {row["name"]: (row["mark"], row) for row in rows.values()}
+    except sqlite3.OperationalError as error:
+        if "no such" not in str(error):
+            return {}
+    except (sqlite3.DatabaseError, ValueError, KeyError, TypeError):
+        pass
+    with contextlib.suppress(OSError):
+        os.remove(_cache_file(folder))
+    return {}
+
+
+def _seed(text):
+    try:
+        return int(text)
+    except (TypeError, ValueError):
+        return text
+
+
+def _value(kind, number, text):
+    """A value of the index as it was in the record: a flag has both number and text, a list is JSON."""
+    if kind == "p" and number is not None and text is not None:
+        return bool(number)
+    if kind == "p" and text is not None and text[:1] in ("[", "{"):
+        try:
+            return json.loads(text)
+        except ValueError:
+            return text
+    if kind == "r" and number is None:
+        return float("nan")
+    return number if text is None else text
+
+
+def _rows_of(number, head):
+    """The rows of `value` that have a head's parameters, results, tags and sample."""
+    for name, value in (head.get("parameters") or {}).items():
+        unit = (head.get("parameter_units") or {}).get(name, "")
+        if isinstance(value, bool):
+            yield number, "p", name, float(value), "true" if value else "false", ""
+        elif isinstance(value, (int, float)):
+            yield number, "p", name, float(value), None, unit
+        elif isinstance(value, str):
+            yield number, "p", name, None, value, ""
+        else:
+            yield number, "p", name, None, json.dumps(value, separators=(",", ":"), ensure_ascii=False), unit if isinstance(value, list) else ""
+    for kind, field in (("t", "tags"), ("s", "sample")):
+        for name, value in (head.get(field) or {}).items():
+            yield number, kind, name, None, str(value), ""
+    for name, value in (head.get("results") or {}).items():
+        yield number, "r", name, None if value != value else value, None, (head.get("result_units") or {}).get(name, "")
+
+
+def _words(head, notes):
+    """All texts of a run, for a search: as run_summary.cpp gathers them."""
+    lines = [head.get(name) or "" for name in ("title", "protocol", "operator", "rig", "reason")]
+    lines += [f"{name} {value}" for field in ("tags", "sample") for name, value in (head.get(field) or {}).items()]
+    text = "".join(line + "\n" for line in [*lines, *notes])
+    return text.encode("utf-8", "replace")[:_LONGEST_WORDS].decode("utf-8", "ignore")
 
 
 def _remember(cache, fresh, gone):
     try:
         with cache:
-            cache.executemany("INSERT OR REPLACE INTO head VALUES(?,?,?)", fresh)
-            cache.executemany("DELETE FROM head WHERE name=?", [(name,) for name in gone])
+            cache.execute("BEGIN IMMEDIATE")
+            for name in gone:
+                cache.execute("DELETE FROM value WHERE run IN (SELECT id FROM run WHERE name=?)", (name,))
+                cache.execute("DELETE FROM run WHERE name=?", (name,))
+            number = cache.execute("SELECT coalesce(max(id), 0) FROM run").fetchone()[0]
+            for name, mark, head in fresh:
+                number += 1
+                cache.execute("DELETE FROM value WHERE run IN (SELECT id FROM run WHERE name=?)", (name,))
+                cache.execute("INSERT OR REPLACE INTO run VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)", (
+                    number, name, mark, *(head.get(field) for field in ("time", "t0_utc_ns", "protocol", "title", "operator")),
+                    str(head.get("seed")), *(head.get(field) for field in ("outcome", "reason", "ended_by", "experiment_time", "wall_time",
+                                                                          "version", "rig", "words"))))
+                cache.executemany("INSERT INTO value VALUES(?,?,?,?,?,?)", _rows_of(number, head))
     except sqlite3.Error:
         pass  # locked, or the disk is full: the next call reads these folders again
 
@@ -98,12 +183,20 @@ def _head(path):
             head, end, results = database.head(), database.end(), database.results()
             outcome = database.outcome(end)
             version = database.version
+            notes = [text for (text,) in database.rows("SELECT text FROM event WHERE kind IN ('note', 'alarm')")]
     except RecordError as error:
         return {"outcome": "unreadable", "reason": str(error)}, False
-    head.update(outcome=outcome, version=version, results={name: value for name, value, _ in results},
+    # As the index has them: numbers are float, and only numbers have a unit.
+    numbers = {name: float(value) for name, value in head["parameters"].items()
+               if isinstance(value, (int, float)) and not isinstance(value, bool)}
+    head["parameter_units"] = {name: (head["parameter_units"] or {}).get(name, "") for name in numbers}
+    head.update(parameters={**head["parameters"], **numbers}, tags=head["tags"] or {}, sample=head["sample"] or {})
+    head.update(outcome=outcome, version=version, rig=head.get("rig_file") or "", results={name: value for name, value, _ in results},
                 result_units={name: unit for name, _, unit in results})
     if end is not None:
         head.update((name, end.get(name)) for name in ("reason", "experiment_time", "wall_time"))
+        head["ended_by"] = end.get("ended_by") or ""
+    head["words"] = _words(head, notes)
     return head, end is not None and not os.path.exists(os.path.join(path, "run.sqlite-wal"))
 
 
@@ -121,7 +214,7 @@ def _heads(folder):
                 continue
             heads[name], lasting = _head(folders[name])
             if lasting:
-                fresh.append((name, mark, json.dumps(heads[name])))
+                fresh.append((name, mark, heads[name]))
         gone = set(known) - set(heads)
         if cache and (fresh or gone):
             _remember(cache, fresh, gone)
@@ -141,9 +234,9 @@ def _units_of(heads):
 def runs(folder="runs"):
     """The runs of a folder as a table, a row a run by its name, oldest first.
 
-    Columns: time (UTC), protocol, title, operator, seed, outcome, reason, experiment_time, wall_time, version of the
-    record, folder; "p.NAME" each parameter and "r.NAME" each result, SI, NaN where a run has none; attrs["units"] has
-    their units. A record that cannot be read is a row with the outcome "unreadable" and the reason. Throws RecordError.
+    Columns: time (UTC), protocol, title, operator, seed, outcome, reason, ended_by, experiment_time, wall_time, version of
+    the record, rig, folder; "p.NAME" each parameter and "r.NAME" each result, SI, NaN where a run has none, "tag.NAME" each
+    tag and "sample.NAME" each field of the sample; attrs["units"] has the units. A record that cannot be read is a row with the outcome "unreadable" and the reason. Throws RecordError.
     """
     try:
         heads = _heads(os.fspath(folder))
@@ -153,8 +246,8 @@ def runs(folder="runs"):
     for name, head in heads.items():
         row = {column: head.get(column) for column in _COLUMNS}
         row["folder"] = os.path.join(os.fspath(folder), name)
-        row.update(("p." + key, value) for key, value in (head.get("parameters") or {}).items())
-        row.update(("r." + key, value) for key, value in (head.get("results") or {}).items())
+        for field, prefix in _PREFIXES.items():
+            row.update((prefix + key, value) for key, value in (head.get(field) or {}).items())
         rows.append(row)
     table = pd.DataFrame(rows, index=pd.Index(list(heads), name="run", dtype=object), columns=None if rows else _COLUMNS)
     table["time"] = pd.to_datetime(table["time"], utc=True, errors="coerce")

@@ -352,12 +352,12 @@ def _typed(name, value, units):
 
 
 def start(protocol, parameters=None, *, rig=None, seed=None, out="runs", operator=None, frames=(), faults=(), answers=None,
-          real_time=False, options=(), program=None, cwd=None):
+          real_time=False, tags=None, sample=None, options=(), program=None, cwd=None):
     """Starts a run with the program `vitreo` (program, $VITREO or PATH) and returns it when its record is there (Started).
 
     parameters: name: a text as it is typed ("0.5mm/s"), a number in SI units, or a truth value. frames, faults: as
-    --frames and --fault take them. answers: name: answer, in advance. options: further words for `vitreo run`. The run
-    goes on when this program ends. Throws RunError with what vitreo said where no run came of it.
+    --frames and --fault take them. answers: name: answer, in advance. tags: key: text; sample: eye, species, age, removed,
+    robot. options: further words for `vitreo run`. The run goes on when this program ends. Throws RunError with what vitreo said where no run came of it.
     """
     program = _program(program)
     declared = {}
@@ -375,7 +375,8 @@ def start(protocol, parameters=None, *, rig=None, seed=None, out="runs", operato
     if real_time:
         words.append("--real-time")
     for option, values in (("--frames", frames), ("--fault", faults),
-                           ("--answer", [f"{name}={text}" for name, text in (answers or {}).items()])):
+                           *((option, [f"{name}={text}" for name, text in (given or {}).items()])
+                             for option, given in (("--answer", answers), ("--tag", tags), ("--sample", sample)))):
         for value in [values] if isinstance(values, str) else values:
             words += [option, value]
     # Files and no pipes: nothing waits for this program to read.

@@ -19,8 +19,9 @@ from .errors import RecordError
 from .frames import Frames
 from .units import si_unit
 
-# SQLite's user_version; host/record/record_schema.h. 0: before versions were written, without frames. 2: the results' table is `figure`; 3: it is `result`; 4: bits and offset of a camera.
-NEWEST_VERSION = 4
+# SQLite's user_version; host/record/record_schema.h. 0: before versions were written, without frames. 2: the results' table is `figure`; 3: it is `result`; 4: bits and offset of a camera;
+# 5: meaning, tags, sample, time zero, who ended the run, losses of the cameras.
+NEWEST_VERSION = 5
 
 Picture = collections.namedtuple("Picture", "name caption file")
 Drawing = collections.namedtuple("Drawing", "title svg")
@@ -124,9 +125,16 @@ class Database:
         """The start record; nested data parsed, units of parameters in SI."""
         return self._start("*")
 
+    def columns(self, table):
+        with self._named():
+            return {row[0] for row in self._connection.execute("SELECT name FROM pragma_table_info(?)", (table,))}
+
     def head(self):
         """Of the start record what a list of runs shows."""
-        return self._start("time, protocol, title, operator, seed, parameters, parameter_units")
+        wanted = ["time", "protocol", "title", "operator", "seed", "parameters", "parameter_units", "t0_utc_ns", "tags", "sample"]
+        there = self.columns("run")
+        head = self._start(", ".join([name for name in wanted if name in there] + ["json_extract(rig, '$.file') AS rig_file"]))
+        return {name: head.get(name) for name in [*wanted, "rig_file"]}
 
     def _start(self, columns):
         with self._named():
@@ -135,7 +143,7 @@ class Database:
         if row is None:
             raise RecordError(f"{self.folder}: its start record is missing")
         start = {one[0]: value for one, value in zip(cursor.description, row)}
-        for name in ("parameters", "parameter_units", "versions", "rig", "devices", "files"):
+        for name in ("parameters", "parameter_units", "versions", "rig", "devices", "files", "tags", "sample"):
             if name in start:
                 start[name] = _object(start[name])
         start["parameter_units"] = {name: si_unit(str(unit)) for name, unit in start["parameter_units"].items()}
@@ -147,7 +155,7 @@ class Database:
         rows = self.dicts("stop")
         if not rows:
             return None
-        return {**rows[0], "counts": _object(rows[0].get("counts")), "dropped": _object(rows[0].get("dropped"))}
+        return {**rows[0], **{name: _object(rows[0].get(name)) for name in ("counts", "dropped", "lost")}}
 
     def results(self):
         """(name, SI value, SI unit) each."""
@@ -198,8 +206,46 @@ class Run:
         return self.start["parameter_units"]
 
     @property
+    def tags(self):
+        """Key: text, as given with --tag or by the script; empty in records before version 5."""
+        with self._open() as database:
+            return database.start().get("tags") or {}
+
+    @property
+    def sample(self):
+        """What is known of the sample: eye, species, age, removed (UTC), robot; what is not known is missing."""
+        with self._open() as database:
+            return database.start().get("sample") or {}
+
+    @property
+    def t0(self):
+        """UTC at which the run's clock was 0, to the nanosecond; NaT in records before version 5.
+
+        Where run.start["clock"] is "virtual" it says when the simulation began: run.meaning("time", "virtual").
+        """
+        zero = self.start.get("t0_utc_ns")
+        return pd.NaT if zero is None else pd.to_datetime(zero, unit="ns", utc=True)
+
+    def utc(self, table):
+        """UTC of each row of a stream, of the frames' table or of the events, as a Series: t0 plus its t_ns."""
+        zero = self.start.get("t0_utc_ns")
+        if zero is None:
+            raise RecordError(f"{self.folder}: does not say when its clock was 0: its version is {self.version}")
+        return pd.to_datetime(table["t_ns"] + zero, unit="ns", utc=True)
+
+    def meaning(self, kind, name):
+        """What a name in the record means, as the record says it: meaning("column", "frame.lost_before"),
+        meaning("clock", "exposure"), meaning("axes", "world"), meaning("file", "frames/"). KeyError for one that it has not.
+        """
+        with self._open() as database:
+            rows = database.rows("SELECT text FROM meaning WHERE kind = ? AND name = ?", kind, name) if "meaning" in database.tables else []
+        if not rows:
+            raise KeyError(f"{kind} {name}")
+        return rows[0][0]
+
+    @property
     def end(self):
-        """The end record: exit_status, reason, experiment_time and wall_time in s, counts, ...; None before it."""
+        """The end record: exit_status, reason, ended_by, experiment_time and wall_time in s, counts, ...; None before it."""
         with self._open() as database:
             return database.end()
 
@@ -220,17 +266,20 @@ class Run:
 
     @property
     def streams(self):
-        """Name: {"source": text, "units": {channel: SI unit}} in the order of the record."""
+        """Name: {"source": text, "clock": to which instant a row belongs, and by channel "units" (SI), "help" and "axes"},
+        in the order of the record. Records before version 5 have neither clock, help nor axes.
+        """
         with self._open() as database:
             return self._streams(database)
 
     @staticmethod
     def _streams(database):
-        channels = collections.defaultdict(dict)
-        for stream, name, unit in database.rows("SELECT stream, name, unit FROM channel ORDER BY stream, position"):
-            channels[stream][name] = unit
-        rows = database.rows("SELECT id, name, source, sample_table FROM stream ORDER BY id")
-        return {name: {"source": source, "table": table, "units": channels[number]} for number, name, source, table in rows}
+        channels = collections.defaultdict(lambda: {"units": {}, "help": {}, "axes": {}})
+        for row in database.dicts("channel", "stream, position"):
+            for key, column in (("units", "unit"), ("help", "help"), ("axes", "axes")):
+                channels[row["stream"]][key][row["name"]] = row.get(column) or ""
+        return {row["name"]: {"source": row["source"], "clock": row.get("clock") or "", "table": row["sample_table"], **channels[row["id"]]}
+                for row in database.dicts("stream", "id")}
 
     def stream(self, name, since=None):
         """A stream as a table: index t in s, column t_ns (exact, the run's clock), a column a channel, NaN where there
@@ -257,7 +306,8 @@ class Run:
             raise RecordError(f"{self.folder}: a sample of '{name}' is broken: {error}") from error
         table = pd.DataFrame(samples, columns=list(units), index=pd.Index(times / 1e9, name="t"))
         table.insert(0, "t_ns", times)
-        table.attrs = {"run": self.name, "stream": name, "source": streams[name]["source"], "units": {"t_ns": "ns", **units}}
+        table.attrs = {"run": self.name, "stream": name, "source": streams[name]["source"], "clock": streams[name]["clock"],
+                       "units": {"t_ns": "ns", **units}, "help": streams[name]["help"], "axes": streams[name]["axes"]}
         return table, rows[-1][0] if rows else None
 
     @property

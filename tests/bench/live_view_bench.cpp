@@ -153,7 +153,7 @@ class Laboratory {
     ControllerSettings settings;
     settings.law = ControlLaw::estimator;
     chain_.emplace(rig_->rig().model, settings);
-    record_.emplace(recorder_, rig_->rig(), "benchmark", true);
+    record_.emplace(recorder_, rig_->rig(), Eigen::Vector3d::UnitX(), "benchmark", true);
   }
   ~Laboratory() {
     view_.end("completed");

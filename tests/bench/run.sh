@@ -9,3 +9,4 @@ for seed in 1 2 3; do
   echo "servo_square, seed $seed:"
   "$1/vitreo" run servo_square --seed "$seed" --out "$out" --json 2>/dev/null
 done
+python3 "$(dirname "$0")/catalog.py" "$1/vitreo"

@@ -15,7 +15,7 @@ MANY = support.PLACE / "many"
 
 
 def index_file():
-    return max((support.PLACE / "cache" / "vitreo").glob("runs-*.sqlite"), key=lambda file: file.stat().st_mtime_ns)
+    return max((support.PLACE / "cache" / "vitreo").glob("catalog-*.sqlite"), key=lambda file: file.stat().st_mtime_ns)
 
 
 class Catalog(unittest.TestCase):
@@ -88,8 +88,8 @@ class Catalog(unittest.TestCase):
             vitreo.runs(self.folder)
             self.assertTrue(vitreo.runs(self.folder).equals(right))
         with sqlite3.connect(file) as database:
-            self.assertEqual(database.execute("SELECT count(*) FROM head").fetchone()[0], 2, "it is made anew")
-            database.execute("UPDATE head SET head='{'")
+            self.assertEqual(database.execute("SELECT count(*) FROM run").fetchone()[0], 2, "it is made anew")
+            database.execute("UPDATE value SET kind='?'")
         database.close()
         self.assertTrue(vitreo.runs(self.folder).equals(right))
         locked = sqlite3.connect(index_file() if file.exists() else file)

@@ -68,7 +68,7 @@ class Records(unittest.TestCase):
                     for cell, value in zip(cells, table[column]):
                         self.assertTrue(math.isnan(value) if cell == "" else float(cell) == value, (name, column, cell, value))
         self.assertTrue(np.isnan(self.record.laps.odd[1::2]).all() and len(self.record.laps) == 8)
-        self.assertEqual(self.record.laps.attrs["units"], {"t_ns": "ns", "lap": "", "exposed": "s", "odd": ""})
+        self.assertEqual(self.record.laps.attrs["units"], {"t_ns": "ns", "lap": "1", "exposed": "s", "odd": "1"})
         self.assertIn("target_x", support.servoed().servo.columns)
 
     def test_a_stream_from_a_time_on_is_the_rest_of_the_whole(self):

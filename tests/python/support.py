@@ -74,7 +74,9 @@ def recorded():
     """A run of `asking` with gray frames, the whole record closed. Not to be changed: copy it (copied())."""
     import vitreo
     run = vitreo.start(asking(), {"laps": 8, "speed": 0.3e-3}, answers={"width": "3mm"}, seed=18446744073709551615, operator="Ann",
-                       frames=["top_camera/2", "side_camera"], out=PLACE / "runs", cwd=PLACE,
+                       frames=["top_camera/2", "side_camera"], out=PLACE / "runs", cwd=PLACE, tags={"batch": "a 1", "paper": "fig 3"},
+                       sample={"eye": "pig 7 left", "species": "Sus scrofa", "age": "6 months", "removed": "2026-11-24T08:10+02:00",
+                               "robot": "CoNi 12"},
                        options=["--trace-links"]).wait(240)
     assert run.outcome == "completed", run.end
     return run

@@ -5,6 +5,8 @@
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/run/classes.h"
+#include "host/record/meaning.h"
+#include "host/record/run_labels.h"
 #include "host/session/error_statistics.h"
 #include "host/text/units.h"
 
@@ -64,6 +66,17 @@ std::string unit_of(const Call& call, const std::string& key) {
   return std::string(unit->dimension);
 }
 
+/// What a channel is, as the script says it.
+std::string help_of(const Call& call, const std::string& key) {
+  std::string text;
+  if (call.has(3)) {
+    lua_getfield(call.L, call.index(3), key.c_str());
+    if (!lua_isnil(call.L, -1)) text = plain_text(call.L, -1);
+    lua_pop(call.L, 1);
+  }
+  return text.empty() ? key + ", as the script records it" : text;
+}
+
 /// The stream of that name, made by its first sample. A stream of the host is refused: a script
 /// could forge what the loop has measured.
 Context::Script& script_stream(const Call& call, const std::string& name, const Sample& sample) {
@@ -73,9 +86,10 @@ Context::Script& script_stream(const Call& call, const std::string& name, const 
   Recorder& recorder = session_of(call.L).recorder;
   if (recorder.stream(name))
     throw std::invalid_argument("stream: " + name + " is recorded by the host");
-  StreamInfo info{name, "script", {}};
+  StreamInfo info{name, "script", {}, kScriptClock};
   for (std::size_t i = 0; i < sample.names.size(); ++i)
-    info.channels.push_back({sample.names[i], unit_of(call, sample.keys[i])});
+    info.channels.push_back(
+        {sample.names[i], unit_of(call, sample.keys[i]), help_of(call, sample.keys[i])});
   return context.script_streams[name] = {recorder.add_stream(info), sample.names};
 }
 
@@ -99,6 +113,18 @@ int record(Call& call) {
   const Context::Script& stream = script_stream(call, name, sample);
   check_channels(name, stream.channels, sample.names);
   session.recorder.sample(stream.stream, session.clock.now(), sample.values);
+  return 0;
+}
+
+int tag(Call& call) {
+  session_of(call.L).recorder.tag(call.text(0), call.text(1));
+  return 0;
+}
+
+int describe_sample(Call& call) {
+  for (const std::string& field : sample_fields())
+    if (const auto value = call.text_option(field.c_str()))
+      session_of(call.L).recorder.describe_sample(field, *value);
   return 0;
 }
 
@@ -268,11 +294,33 @@ std::vector<Binding> run_record_rows() {
         {.name = "units",
          .type = Type::table,
          .optional = true,
-         .help = "unit by name, such as {speed = \"m/s\"}"}},
+         .help = "unit by name, such as {speed = \"m/s\"}"},
+        {.name = "help",
+         .type = Type::table,
+         .optional = true,
+         .help = "what it is, by name, for those who read the record"}},
        "",
        "records one sample; the first decides the channels",
        record,
-       "run:record(\"drift\", { speed = 20e-6 }, { speed = \"m/s\" })"},
+       "run:record(\"drift\", { speed = 20e-6 }, { speed = \"m/s\" }, { speed = \"of the drift\" "
+       "})"},
+      {"tag",
+       {text("key", false, "a word"), text("value", false, "any text of one line")},
+       "",
+       "tags the run, as --tag KEY=VALUE does: vitreo runs finds it by that",
+       tag,
+       "run:tag(\"batch\", \"a 1\")"},
+      {"describe_sample",
+       {{.name = "sample",
+         .type = Type::options,
+         .options = {text("eye", true, "its id"), text("species", true, "of the animal"),
+                     text("age", true, "of the animal or donor"),
+                     text("removed", true, "when the eye was removed: 2026-11-24T08:10"),
+                     text("robot", true, "its id")}}},
+       "",
+       "keeps in the record what is known of the sample, as --sample FIELD=VALUE does",
+       describe_sample,
+       "run:describe_sample { eye = \"pig 7 left\", removed = \"2026-11-24T08:10\" }"},
       {"record_frames",
        {text("camera", false, "its role: top_camera or side_camera"),
         {.name = "options",

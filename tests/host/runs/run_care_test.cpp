@@ -249,11 +249,13 @@ TEST(RunReader, DoesNotFollowPathsOutOfTheRun) {
 
 TEST(RunCommands, ListFilterAndShowSpeakJson) {
   TemporaryFolder parent;
+  const TemporaryFolder cache;
+  setenv("XDG_CACHE_HOME", cache.path().c_str(), 1);  // not the index of who runs the tests
   const fs::path folder = whole_run(parent.path());
   fs::create_directory(parent.path() / "not a run");
   const auto listed = [&](const RunFilter& filter) {
     std::ostringstream out;
-    EXPECT_EQ(list_runs(parent.path(), filter, true, out), 0);
+    EXPECT_EQ(list_runs(parent.path(), filter, ListFormat::json, out), 0);
     return nlohmann::json::parse(out.str());
   };
   ASSERT_EQ(listed({}).size(), 1u);
