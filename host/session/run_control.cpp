@@ -54,10 +54,10 @@ const char* signal_name(int number) {
 /// Who sends which signal: Ctrl-C is a person's; Slurm's step daemon ends a job by SIGTERM, and so
 /// do its tools within a job.
 EndCause cause_of_signal(int number, const std::string& sender) {
-  const char* const job = std::getenv("SLURM_JOB_ID");
-  if (sender == "slurmstepd" || (job != nullptr && number == SIGTERM))
-    return {"scheduler", job != nullptr ? std::string("Slurm, job ") + job : "Slurm", "",
-            signal_name(number)};
+  const char* const variable = std::getenv("SLURM_JOB_ID");
+  const std::string job = variable != nullptr ? variable : "";
+  if (sender == "slurmstepd" || (!job.empty() && number == SIGTERM))
+    return {"scheduler", job.empty() ? "Slurm" : "Slurm, job " + job, "", signal_name(number)};
   if (number == SIGINT) return {"person", "", "the terminal", signal_name(number)};
   return {"signal", sender, "", signal_name(number)};
 }

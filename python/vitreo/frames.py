@@ -18,7 +18,7 @@ class Frames(collections.abc.Sequence):
 
     frames[i]: (height, width), uint8 or uint16; of a color camera (height, width, 3), uint8, red first. A slice is
     a sequence again. `table` has a row a frame: index t in s and t_ns of the exposure, t_received_ns, t_device_ns,
-    number, dropped_before and where the pixels are. np.asarray(frames) copies all into one array, where their sizes
+    number, dropped_before, lost_before and where the pixels are. np.asarray(frames) copies all into one array, where their sizes
     agree.
     """
 

@@ -326,9 +326,10 @@ class Run:
             known = [row["name"] for row in database.dicts("camera")]
             if camera not in known:
                 raise RecordError(f"{self.folder}: has no frames of '{camera}'; it has {', '.join(known) or 'none'}")
-            rows = database.rows("SELECT number, t_ns, t_received_ns, t_device_ns, dropped_before, width_px, height_px, "
+            lost = "lost_before" if "lost_before" in database.columns("frame") else "NULL"  # before version 5
+            rows = database.rows(f"SELECT number, t_ns, t_received_ns, t_device_ns, dropped_before, {lost}, width_px, height_px, "
                                  "pixel_type, file, offset, bytes, crc32 FROM frame WHERE camera=? ORDER BY seq", camera)
-        table = pd.DataFrame(rows, columns=["number", "t_ns", "t_received_ns", "t_device_ns", "dropped_before", "width_px",
+        table = pd.DataFrame(rows, columns=["number", "t_ns", "t_received_ns", "t_device_ns", "dropped_before", "lost_before", "width_px",
                                             "height_px", "pixel_type", "file", "offset", "bytes", "crc32"])
         # Absent where the camera has no clock of its own, and exact where it has.
         table["t_device_ns"] = pd.array([row[3] for row in rows], dtype="Int64")

@@ -41,7 +41,7 @@ def main(program, count):
     place = pathlib.Path(tempfile.mkdtemp(prefix="vitreo_catalog_"))
     environment = {**os.environ, "XDG_CACHE_HOME": str(place / "cache"), "XDG_STATE_HOME": str(place / "state")}
     try:
-        subprocess.run([program, "run", "hold", "hold=1s", "feedback=pose_sensor", "compare=false", "-q", "--out", place / "one"], check=True,
+        subprocess.run([program, "run", "hold", "hold=1s", "feedback=pose_sensor", "compare=false", "-q", "--tag", "batch=a", "--out", place / "one"], check=True,
                        env=environment, cwd=place)
         record = next((place / "one").iterdir()) / "run.sqlite"
         # A few kinds, so that a query has something to choose.
@@ -60,7 +60,7 @@ def main(program, count):
         listing = [program, "runs", "--runs", str(runs)]
         rows = [("first listing, which makes the index", timed(listing, environment, 1), None),
                 ("listed", timed(listing, environment), "listed")]
-        for where in ("speed > 0.1mm/s and hold_error_rms < 4um", "outcome = completed and operator ~ x and not tag.batch"):
+        for where in ("speed > 0.1mm/s and hold_error_rms < 4um", "outcome = completed and operator ~ o and not tag.batch = b"):
             rows.append((where, timed([*listing, "--where", where], environment), "query"))
         rows.append(("the ten with the largest error", timed([*listing, "--sort=-hold_error_rms", "--columns", "hold_error_rms", "--newest", "10"],
                                                              environment), "query"))

@@ -3,9 +3,9 @@ SPDX-License-Identifier: Apache-2.0
 """
 
 import os
+import pathlib
 import signal
 import subprocess
-import sys
 import time
 import unittest
 
@@ -50,7 +50,7 @@ class Ended(unittest.TestCase):
         end = ended("terminated", lambda process, _: process.send_signal(signal.SIGTERM), {"SLURM_JOB_ID": ""})
         if end["ended_by"] == "scheduler":
             self.fail("an empty job is none")
-        name = os.path.basename(os.path.realpath(sys.executable))[:15]
+        name = pathlib.Path("/proc/self/comm").read_text(encoding="utf-8").strip()
         self.assertEqual((end["ended_by"], end["ended_signal"], end["ended_name"]), ("signal", "SIGTERM", name))
         self.assertEqual(end["reason"], f"stopped by SIGTERM of {name}")
 
