@@ -56,15 +56,19 @@ VectorColumns columns_of(const StreamInfo& stream, const std::string& prefix) {
 }
 
 // JSON Schema has no units: they stand in the descriptions, in brackets as in tables.
+std::string description_of(const Channel& channel) {
+  return "[" + (channel.unit.empty() ? "1" : channel.unit) + "]" +
+         (channel.help.empty() ? "" : " " + channel.help) +
+         (channel.axes.empty() ? "" : "; axes: " + channel.axes);
+}
+
 json schema_of(const StreamInfo& stream) {
   json properties = json::object();
   for (const Channel& channel : stream.channels)
-    properties[channel.name] = {
-        {"type", "number"},
-        {"description", channel.unit.empty() ? "[1]" : "[" + channel.unit + "]"}};
+    properties[channel.name] = {{"type", "number"}, {"description", description_of(channel)}};
   return {{"type", "object"},
           {"title", "vitreo." + stream.name},
-          {"description", stream.source},
+          {"description", stream.source + (stream.clock.empty() ? "" : "; times: " + stream.clock)},
           {"properties", properties}};
 }
 

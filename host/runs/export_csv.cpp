@@ -100,15 +100,20 @@ std::string run_table(const RunData& data) {
   add("clock", clock_text(data));
   for (const auto& [name, value] : data.start.parameters.items())
     add("parameter " + name, plain_parameter_text(data.start, name, value));
+  for (const auto& [name, value] : data.start.tags.items())
+    add("tag " + name, value.is_string() ? value.get<std::string>() : dumped(value));
+  for (const auto& [name, value] : data.start.sample.items())
+    add("sample " + name, value.is_string() ? value.get<std::string>() : dumped(value));
   return out;
 }
 
 /// The columns of the streams' tables, their units apart from their names.
 std::string channels_table(const RunData& data) {
-  std::string out = "stream,channel,unit,source\r\n";
+  std::string out = "stream,channel,unit,clock,axes,help,source\r\n";
   for (const Stream& stream : data.streams)
     for (const Channel& channel : stream.info.channels)
       out += cell(stream.info.name) + "," + cell(channel.name) + "," + cell(channel.unit) + "," +
+             cell(stream.info.clock) + "," + cell(channel.axes) + "," + cell(channel.help) + "," +
              cell(stream.info.source) + "\r\n";
   return out;
 }

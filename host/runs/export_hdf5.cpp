@@ -115,12 +115,17 @@ void integers(hid_t in, const std::string& name, const std::string& unit, const 
 void write_stream(hid_t streams, const Stream& stream) {
   const Handle here = group(streams, stream.info.name);
   attribute(here, "source", stream.info.source);
+  attribute(here, "clock", stream.info.clock);
   integers(here, "t_ns", "ns", stream.times, [](Time time) { return std::int64_t{time.count()}; });
   std::vector<double> column(stream.times.size());
   for (std::size_t i = 0; i < stream.info.channels.size(); ++i) {
     for (std::size_t row = 0; row < column.size(); ++row) column[row] = stream.at(row, i);
     const Channel& channel = stream.info.channels[i];
     numbers(here, channel.name, H5T_NATIVE_DOUBLE, column.data(), column.size(), channel.unit);
+    const Handle set(H5Dopen2(here, named(channel.name).c_str(), H5P_DEFAULT), H5Dclose,
+                     channel.name);
+    attribute(set, "description", channel.help);
+    attribute(set, "axes", channel.axes);
   }
 }
 
@@ -195,6 +200,8 @@ void write_run(const std::string& path, const RunData& data) {
   attribute(file, "protocol", std::filesystem::path(data.start.protocol_file).filename().string());
   attribute(file, "parameters", dumped(data.start.parameters));
   attribute(file, "versions", dumped(data.start.versions));
+  attribute(file, "tags", dumped(data.start.tags));
+  attribute(file, "sample", dumped(data.start.sample));
   attribute(file, "seed", std::to_string(data.start.seed));
   // All t_ns of the file count from here.
   attribute(file, "t0_utc", t0_utc_text(data));

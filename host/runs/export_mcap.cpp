@@ -178,6 +178,8 @@ void RunFile::describe() {
     parameters[name] = plain_parameter_text(data_.start, name, value);
   file_.metadata("parameters", parameters);
   file_.metadata("parameters_si", words_of(data_.start.parameters));
+  file_.metadata("sample", words_of(data_.start.sample));
+  file_.metadata("tags", words_of(data_.start.tags));
   file_.metadata("versions", words_of(data_.start.versions));
   file_.metadata("devices", words_of(data_.start.devices));
   Words results;

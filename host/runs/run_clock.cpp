@@ -55,6 +55,7 @@ std::optional<std::int64_t> parse_time_stamp(const std::string& text) {
 }
 
 std::int64_t t0_utc_ns(const RunData& data) {
+  if (data.start.t0_utc_ns) return *data.start.t0_utc_ns;
   if (const auto exact = noted(data)) return *exact;
   if (const auto begun = parse_time_stamp(read_head(data.folder).time)) return *begun;
   throw RecordError(data.folder.string() + ": does not say when it was recorded");
@@ -67,8 +68,10 @@ std::string t0_utc_text(const RunData& data) {
 }
 
 std::string clock_text(const RunData& data) {
-  return noted(data) ? "the host's clock; UTC is t0_utc plus t, to a microsecond"
-                     : "the run's clock; its zero is the begin of the record, to a second";
+  if (data.start.clock == "real" || noted(data))
+    return "the host's clock; UTC is t0_utc plus t, to a microsecond";
+  return data.start.t0_utc_ns ? "a simulated run's clock; t0_utc is when the simulation began"
+                              : "the run's clock; its zero is the begin of the record, to a second";
 }
 
 }  // namespace vitreo

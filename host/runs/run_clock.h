@@ -10,10 +10,9 @@
 
 namespace vitreo {
 
-/// ns since 1970, UTC, of the zero of the record's times: by the event "clock" of a run on real
-/// instruments, which knows it to a microsecond; else the moment at which the record was begun, to
-/// a second (a simulated run's times are no wall clock's). Throws RecordError where the record says
-/// neither.
+/// ns since 1970, UTC, of the zero of the record's times, RunStart::t0_utc_ns. Of records before
+/// version 5 the event "clock" of a run on real instruments; else the moment at which the record
+/// was begun, to a second. Throws RecordError where the record says none of it.
 std::int64_t t0_utc_ns(const RunData& data);
 /// The same as text: "2026-11-21T13:30:00.123456Z".
 std::string t0_utc_text(const RunData& data);

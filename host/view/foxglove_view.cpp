@@ -59,8 +59,9 @@ struct Client {
   std::uint64_t told_dropped = 0;
 };
 
-/// Where the zero of the run's clock lies now.
+/// Where the zero of the run's clock lies: as the record has it, else now.
 std::int64_t t0_of(const Session& session) {
+  if (const auto& recorded = session.recorder.start().t0_utc_ns) return *recorded;
   return std::chrono::duration_cast<std::chrono::nanoseconds>(
              std::chrono::system_clock::now().time_since_epoch())
              .count() -

@@ -42,7 +42,7 @@ return {
 }
 )");
     const Spoken spoken = place_->vitreo(
-        "run ./small.lua --frames top_camera --operator Ada --json "
+        "run ./small.lua --frames top_camera --operator Ada --tag batch=7 --json "
         "--fault top_camera:drops:after=2s,lasting=0.5s,by=2");
     if (spoken.exit_code != 0) {
       trouble_ = spoken.err + spoken.out;
@@ -117,6 +117,10 @@ TEST_F(Exports, AsMcapCountEveryRowOnceAndAreIndexed) {
   std::int64_t messages = 0;
   for (const auto& [name, topic] : read["topics"].items())
     messages += topic["count"].get<std::int64_t>();
+  // What a channel is stands in its schema.
+  const std::string x = read["topics"]["/servo"]["content"]["properties"]["x"]["description"];
+  EXPECT_EQ(x.rfind("[m] ", 0), 0U) << x;
+  EXPECT_NE(x.find("axes: world"), std::string::npos) << x;
   const json& statistics = read["statistics"];
   EXPECT_EQ(statistics["messages"], messages);
   EXPECT_EQ(statistics["channels"], read["topics"].size());
@@ -145,6 +149,8 @@ TEST_F(Exports, AsMcapSayWhenTheyWereAndWhatWasAsked) {
   EXPECT_EQ(read["metadata"]["parameters"]["speed"], "0.5 mm/s");
   EXPECT_EQ(read["metadata"]["results"]["answer"], "4.2e-05 m");
   EXPECT_TRUE(read["metadata"]["versions"].contains("commit"));
+  EXPECT_EQ(read["metadata"]["tags"]["batch"], "7");
+  EXPECT_TRUE(read["metadata"].contains("sample"));
   EXPECT_EQ(read["attachments"]["report.html"]["type"], "text/html");
   EXPECT_EQ(read["attachments"]["report.html"]["bytes"],
             fs::file_size(fs::path(run_) / "report.html"));
