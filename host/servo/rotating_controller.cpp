@@ -237,7 +237,10 @@ void RotatingController::command(double now, const Eigen::Vector3d& velocity,
                                  const Eigen::Vector3d& position) {
   control::Rotation& rotation = state_.rotation;
   control::SwimCommand given;
-  const double most = std::max(state_.limit, 1e-3);
+  double most = std::max(state_.limit, 1e-3);
+  // Steering stays below a step-out that was found, whether or not a spin is to be slowed.
+  if (!spin_ && watch_.response().step_out > 0)
+    most = std::min(most, kBelowStepOut * watch_.response().step_out);
   if (spin_) {
     rotation.turn_to(spin_->axis);
     rotation.frequency = std::clamp(spin_->frequency, -most, most);
