@@ -52,7 +52,7 @@ return {
   needs = { "coils", "sample" },
   rig = "dock",
   parameters = {
-    feedback = { choices = { "two_cameras", "one_camera", "pose_sensor" }, default = "two_cameras", help = "of the loop" },
+    feedback = { choices = { "pose_sensor", "two_cameras", "one_camera" }, default = "pose_sensor", help = "of the loop" },
     field = { unit = "mT", default = 15 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
     stand_off = { unit = "mm", default = 0.6 * mm, min = 0.1 * mm, max = 3 * mm, help = "from where it goes along its axis" },
     settle = { unit = "s", default = 4 * s, min = 0.5 * s, max = 60 * s, help = "at the stand-off, its axis turned" },

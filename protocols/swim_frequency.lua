@@ -67,7 +67,7 @@ return {
     rig.sample:remove_robot()
     if p.feedback ~= "pose_sensor" then background = rig:learn_background { frames = 15 } end
     local servo <close> = rig:servo {
-      law = control.rotating { mode = "helix", frequency = p.highest, recover = false },
+      law = control.rotating { mode = "helix", frequency = p.highest, max_speed = 0.4 * mm / s, recover = false },
       feedback = p.feedback,
       background = background,
       field = p.field,
@@ -81,7 +81,7 @@ return {
     local rows, limited = {}, 0
     for k in run:each(p.steps, "frequency") do
       local frequency = p.lowest + (p.highest - p.lowest) * (k - 1) / (p.steps - 1)
-      servo:go_to(start, { within = 0.5 * mm, settle = 0, speed = 1 * mm / s, timeout = 60 * s })
+      servo:go_to(start, { within = 0.5 * mm, settle = 0, speed = 0.6 * mm / s, timeout = 60 * s })
       -- Into the axis first, in step, then to the frequency.
       servo:spin { axis = along, frequency = math.min(frequency, 0.4 * believed) }
       run:wait(1 * s)

@@ -193,7 +193,8 @@ void RotatingController::judge(bool found, RotatingStep& step) {
     if (!settings_.law.recover || state_.unresponsive) return;
     step_out_limit_ = kBelowStepOut * watch_.response().step_out;
     watch_.recovered();
-    settle_in(0);
+    constexpr double kCatches = 0.2;  // s, until it turns with the slower field
+    settle_in(kCatches);
   } else if (step_outs_ > 0 && watch_.settled() && !watch_.response().stepped_out) {
     step_outs_ = 0;
     state_.unresponsive = false;
@@ -245,7 +246,10 @@ void RotatingController::command(double now, const Eigen::Vector3d& velocity,
                                  const Eigen::Vector3d& position) {
   control::Rotation& rotation = state_.rotation;
   control::SwimCommand given;
-  const double most = std::max(state_.limit, 1e-3);
+  double most = std::max(state_.limit, 1e-3);
+  // Steering stays below a step-out that was found, whether or not a spin is to be slowed.
+  if (!spin_ && watch_.response().step_out > 0)
+    most = std::min(most, kBelowStepOut * watch_.response().step_out);
   if (spin_) {
     rotation.turn_to(spin_->axis);
     rotation.frequency = std::clamp(spin_->frequency, -most, most);
@@ -316,6 +320,12 @@ void RotatingController::spin(const Eigen::Vector3d& axis, double frequency) {
   spin_ = Spin{axis, frequency};
   watch_.recovered();
   step_outs_ = 0;
+}
+
+/// What the filter learnt of a robot that was spun, stepped out perhaps, is no use for steering.
+void RotatingController::steer() {
+  if (spin_) estimator_.reset();
+  spin_.reset();
 }
 
 /// What was on its way when the frequency or the axis leapt is not judged.

@@ -52,7 +52,7 @@ class RotatingController {
   /// Turns about `axis` (unit) at `frequency` (Hz; negative: the other way) from now on, wherever
   /// the robot goes; until steer(). Throws std::invalid_argument for what is no direction.
   void spin(const Eigen::Vector3d& axis, double frequency);
-  void steer() { spin_.reset(); }
+  void steer();
   bool spinning() const { return spin_.has_value(); }
   const RotationState& state() const { return state_; }
   double advance() const { return advance_; }  // m/rad, as believed
