@@ -1,6 +1,6 @@
 """An instrument's end of a real node of this machine's kernel, with a double of tests/doubles behind it.
 
-  gadget.py hid|uhid|acm|usbip|uinput INSTRUMENT [--option k=v ...] [--numbered] [--udc dummy_udc.0] [--size N]
+  gadget.py hid|uhid|acm|usbip INSTRUMENT [--option k=v ...] [--numbered] [--udc dummy_udc.0] [--size N]
 
 hid and acm are USB gadgets on the dummy controller (/dev/hidg0 <-> /dev/hidraw0, /dev/ttyGS0 <-> /dev/ttyACM0), uhid is
 a HID device without a bus, usbip any USB device behind the kernel's virtual controller (vhci_hcd). Prints "ready", then answers each JSON order on standard input with one line: those of
@@ -386,7 +386,7 @@ class Orders(serve.Orders):
 def main():
     """Reads the arguments and serves."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("kind", choices=("hid", "uhid", "acm", "usbip", "uinput"))
+    parser.add_argument("kind", choices=("hid", "uhid", "acm", "usbip"))
     parser.add_argument("instrument")
     parser.add_argument("--option", action="append", default=[], metavar="K=V")
     parser.add_argument("--numbered", action="store_true", help="reports have ids in the descriptor")
@@ -398,9 +398,6 @@ def main():
     double = serve.make(given.instrument, given.option)
     if given.kind == "acm":
         link = AcmGadget(double, given)
-        server = serve.ByteServer(double, link, 0, lambda *_: None)
-    elif given.kind == "uinput":
-        link = serve.UinputLink(double.capabilities)
         server = serve.ByteServer(double, link, 0, lambda *_: None)
     elif given.kind == "usbip":
         link = server = UsbIp(double, given)

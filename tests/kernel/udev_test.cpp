@@ -1,8 +1,5 @@
 // Debian's udev with the project's rules: groups, modes, names and properties of the nodes.
 // SPDX-License-Identifier: Apache-2.0
-#include "devices/instruments/game_pad/driver.h"
-#include "devices/links/address.h"
-#include "devices/time/error.h"
 #include "tests/kernel/guest.h"
 
 #include <gtest/gtest.h>
@@ -93,49 +90,6 @@ TEST_F(UdevGuest, LeavesAStrangersModemAlone) {
   ASSERT_TRUE(time_until(5s, [] { return fs::exists("/dev/ttyACM0"); }));
   settle();
   EXPECT_FALSE(is_ignored("/dev/ttyACM0")) << properties("/dev/ttyACM0");
-}
-
-// The pad is uinput's: its events, ranges and grab are the kernel's own.
-TEST_F(UdevGuest, GivesTheOperatorAGamePad) {
-  load({"uinput", "evdev", "joydev"});
-  Gadget device({"uinput", "game_pad"});
-  std::string node;
-  ASSERT_TRUE(time_until(5s, [&] {
-    for (const auto& entry : fs::directory_iterator("/dev/input"))
-      if (properties(entry.path()).find("X-Box 360 pad") != std::string::npos ||
-          properties(entry.path()).find("ID_INPUT_JOYSTICK=1") != std::string::npos)
-        if (entry.path().filename().string().starts_with("event")) node = entry.path().string();
-    return !node.empty();
-  }));
-  settle();
-  EXPECT_EQ(rights(node), "0660 plugdev");
-  EXPECT_NE(properties(node).find("ID_INPUT_JOYSTICK=1"), std::string::npos) << properties(node);
-  const auto began = Steady::now();
-  const std::string said = elsewhere(kOperator, [&] {
-    const auto clock = wall_clock();
-    const auto pad = game_pad::open(open_event_link("evdev:" + node, *clock), {});
-    const auto seen = [&](double x, std::uint32_t pressed) {
-      return time_until(2s, [&] {
-               const OperatorState now = pad->state();
-               return std::abs(now.translation.x() - x) < 0.02 && now.pressed == pressed;
-             }).has_value();
-    };
-    if (pad->state().translation.norm() != 0) return std::string("it is deflected at rest");
-    device.order({{"set", {{"left_x", 1.0}}}});
-    if (!seen(1, 0)) return std::string("a stick was not seen");
-    device.order({{"set", {{"left_x", 0.0}, {"buttons", {"south"}}}}});
-    if (!seen(0, 1)) return std::string("a button was not seen");
-    device.unplug();
-    try {
-      time_until(2s, [&] { return pad->state().pressed == 77; });
-    } catch (const DeviceError& error) {
-      return std::string("lost: ") + error.what();
-    }
-    return std::string("it was pulled, and nobody noticed");
-  });
-  EXPECT_EQ(said.substr(0, 6), "lost: ") << said;
-  row("%s %s, moved, pressed and pulled within %.0f ms: %s", node.c_str(), "0660 plugdev",
-      Milliseconds(Steady::now() - began).count(), said.c_str());
 }
 
 TEST_F(UdevGuest, DoctorFindsTheRulesInForceAndNoLogind) {
