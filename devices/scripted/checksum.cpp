@@ -6,6 +6,8 @@
 namespace vitreo::scripted {
 namespace {
 
+// Bit by bit and without a table: messages are short, and the polynomial stays readable. Reflected,
+// as the line sends the low bit first: 0xA001 is 0x8005 mirrored.
 std::uint16_t crc_modbus(std::string_view message) {
   std::uint16_t crc = 0xFFFF;
   for (const char c : message) {
@@ -16,6 +18,7 @@ std::uint16_t crc_modbus(std::string_view message) {
   return crc;
 }
 
+// Not reflected: the high bit first, as x^16 + x^12 + x^5 + 1 is written.
 std::uint16_t crc_xmodem(std::string_view message) {
   std::uint16_t crc = 0;
   for (const char c : message) {
@@ -46,6 +49,7 @@ std::string checksum_of(Checksum kind, std::string_view message) {
     case Checksum::xor8:
       return {byte(parity)};
     case Checksum::lrc:
+      // Modulo 256 the whole message with its checksum sums up to 0.
       return {byte(-sum)};
     case Checksum::crc16_modbus: {
       const std::uint16_t crc = crc_modbus(message);

@@ -7,6 +7,7 @@ namespace vitreo::scripted {
 
 Connection::Connection(Loaded loaded, std::unique_ptr<ByteLink> link, const std::string& name,
                        Clock& clock)
+    // The exchange borrows the two before it, in the order of the members.
     : loaded_(std::move(loaded)),
       dialogue_(std::move(link), name, clock),
       exchange_(loaded_, dialogue_) {
@@ -19,6 +20,7 @@ void Connection::be_open() {
   dialogue_.reopen();
   try {
     const Identity now = exchange_.begin();
+    // The firmware may differ: an update is no exchange of the instrument.
     if (now.name != identity_.name || now.serial != identity_.serial)
       dialogue_.fail(DeviceErrorKind::not_found,
                      "it was a " + to_string(identity_) + ", and now there is a " + to_string(now));

@@ -29,6 +29,7 @@ std::optional<std::pair<double, std::size_t>> number_at(std::string_view text, s
   if (!starts) return std::nullopt;
   double value = 0;
   const char* const first = text.data() + begin;
+  // from_chars and not strtod: a point is the decimal sign in every locale; it takes no leading +.
   const auto [stopped, error] = std::from_chars(first, text.data() + text.size(), value);
   if (error != std::errc{} || !std::isfinite(value)) return std::nullopt;
   return std::pair(value, static_cast<std::size_t>(stopped - text.data()));
@@ -50,6 +51,7 @@ std::optional<bool> flag_of(const std::string& text) {
   return std::nullopt;
 }
 
+// Bounds are declared in round numbers of another unit: six digits show them as they were meant.
 std::string number_text(double number) {
   char text[32];
   std::snprintf(text, sizeof text, "%.6g", number);
@@ -97,6 +99,7 @@ std::optional<QuantityValue> value_of(const PropertyDeclaration& property, std::
     case QuantityType::text:
       break;
   }
+  // The answer is the instrument's own word, the value the name that the file gave it.
   if (property.choices.empty()) return plain;
   for (const auto& [name, code] : property.choices)
     if (code == plain) return name;
@@ -106,6 +109,7 @@ std::optional<QuantityValue> value_of(const PropertyDeclaration& property, std::
 std::string message_for(Sandbox& sandbox, const std::string& format,
                         const std::vector<QuantityValue>& values) {
   lua_State* const L = sandbox.stack();
+  // The host's own copy: the file may have put another function in its place.
   sandbox.push_string_function("format");
   lua_pushlstring(L, format.data(), format.size());
   for (const QuantityValue& value : values) push_quantity(L, value);
@@ -127,6 +131,7 @@ std::optional<std::vector<std::string>> captures(Sandbox& sandbox, const std::st
                       "\": " + error.what());
   }
   if (!match) return std::nullopt;
+  // As string.match: the whole match where the pattern has no captures, a position counted from 1.
   if (match->captures.empty()) return {{text.substr(match->begin, match->end - match->begin)}};
   std::vector<std::string> found;
   for (const PatternCapture& one : match->captures)

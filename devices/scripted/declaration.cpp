@@ -22,6 +22,8 @@ struct RoleShape {
   std::vector<const char*> must{};
   std::vector<const char*> may{};
 };
+/// The one list of kinds: what has functions that it must have is a role of the program's, the rest
+/// are free (is_free()).
 const std::vector<RoleShape>& shapes() {
   static const std::vector<RoleShape> all{
       {"stage", {"position", "set_off", "moving", "halt"}, {"home", "homed"}},
@@ -67,6 +69,7 @@ DeclaredUnit read_unit(TableReader& reader, const UnitLookup& units,
   return *found;
 }
 
+/// Names become Lua methods and columns of the record.
 bool is_name(const std::string& text) {
   return !text.empty() && text.size() <= 40 && (text[0] >= 'a' && text[0] <= 'z') &&
          std::all_of(text.begin(), text.end(), [](char c) {
@@ -119,6 +122,7 @@ int declare_settings(lua_State* L) {
     if (lua_type(L, 1) != LUA_TTABLE) throw ScriptFault("settings: must be given a table");
     if (std::exchange(asked.called, true)) throw ScriptFault("settings: is called a second time");
     lua_settop(L, 1);
+    // The reader works on the main thread's stack; the file runs on a coroutine's.
     lua_xmove(L, asked.sandbox->stack(), 1);
     TableReader reader(*asked.sandbox, "settings");
     lua_newtable(L);
@@ -341,6 +345,7 @@ void read_register_actions(TableReader& reader, PropertyDeclaration& property) {
     reader.fail("set", "cannot be: such a register can only be read");
 }
 
+/// In the unit of the file here; `info` is in SI, which is all that the host sees.
 PropertyDeclaration read_property(TableReader& all, const std::string& name,
                                   const UnitLookup& units, const Framing& framing) {
   check_name(all, name);
@@ -415,6 +420,7 @@ AxisDeclaration read_axis(TableReader& reader, const UnitLookup& units, const ch
   if (travel.size() != 2 || travel[0] >= travel[1]) reader.fail("travel", "must be { from, to }");
   axis.travel_min = axis.unit.to_si(travel[0]);
   axis.travel_max = axis.unit.to_si(travel[1]);
+  // Speeds and resolutions are lengths, or angles, of the axis' unit: per second for speeds.
   const auto positive = [&](const char* key) {
     const auto number = reader.number(key, 1e-12, kHuge);
     if (!number) reader.fail(key, "is missing");
@@ -542,6 +548,8 @@ void read_safe_values(TableReader& table, Declaration& declaration) {
         std::holds_alternative<std::string>(value) ? std::get<std::string>(value) : "");
     if (!found->choices.empty() && code == found->choices.end())
       table.fail(name, "is none of the property's choices");
+    // The instrument's own word in place of the choice's name: nothing is looked up when it
+    // matters.
     declaration.safe_values.emplace_back(found - declaration.properties.begin(),
                                          found->choices.empty() ? value : code->second);
   }
@@ -637,11 +645,14 @@ Declaration read(Sandbox& sandbox, const UnitLookup& units) {
   read_errors(all, declaration);
   if (auto properties = all.table("properties"))
     for (const std::string& name : properties->keys())
+      // By name in alphabetical order: indices of the record and of handles follow it.
       declaration.properties.push_back(
           read_property(*properties, name, units, declaration.link.framing));
   if (auto commands = all.table("commands"))
     for (const std::string& name : commands->keys())
       declaration.commands.push_back(read_command(*commands, name, units));
+  // Behind the properties, whose names and types a table of safe values refers to; before what asks
+  // whether there is a safe state.
   read_make_safe(all, declaration);
   read_functions(all, declaration);
   read_axes(all, declaration, units);

@@ -60,6 +60,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
   void receive(std::span<const std::uint8_t> bytes, Time now) override {
     if (modbus_) return modbus_->receive(bytes, now);
     for (const std::uint8_t byte : bytes) {
+      // Byte by byte: a message ends where its end is, whatever the link's portions are.
       if (heard_.size() > framing().most + kOverhead) heard_.clear();  // it has no end
       heard_.push_back(static_cast<char>(byte));
       heard_at_ = now;
@@ -107,6 +108,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     });
     const auto& axes = loaded_.declaration.axes;
     if (!list || list->size() != axes.size()) return std::nullopt;
+    // The simulated world is in SI, the file in the axis' unit.
     for (std::size_t i = 0; i < axes.size(); ++i) (*list)[i] = axes[i].unit.to_si((*list)[i]);
     return list;
   }
@@ -165,6 +167,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
       }
     }
     registers->finish();
+    // Frames, silence and exceptions of Modbus are the link's emulator; this one is its store.
     modbus_ = modbus::make_emulator(*this,
                                     {.framing = framing().modbus,
                                      .unit = framing().unit,
@@ -224,6 +227,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     const PropertyDeclaration* const property = property_at(table, address);
     auto all = property == nullptr ? std::nullopt : words(*property, now);
     if (!all || !is_there(property->set)) return kNoAddress;
+    // A value of two words is written word by word: the other one keeps what it had.
     (*all)[static_cast<std::size_t>(address - property->held->address)] = value;
     const auto held = value_of_words(*property->held, *all);
     if (!held) return kNoValue;
@@ -273,6 +277,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
       drive(now);
       if (full_) throw ScriptFault(sandbox().file() + ": emulator: it says more than is heard");
     } catch (const ScriptFault& fault) {
+      // Whatever the failed work left on the stack. Behind these last words the emulator is silent.
       lua_settop(stack(), 0);
       fault_ = fault.what();
       planned_.clear();
@@ -299,6 +304,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
         list->size() != static_cast<std::size_t>(loaded_.declaration.numbers.at("channels")))
       return;
     for (double& one : *list) one = loaded_.declaration.unit.to_si(one);
+    // Currents that did not change are no event of the plant.
     if (*list == driven_) return;
     driven_ = *list;
     surroundings_.drive(now, driven_);
@@ -335,6 +341,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     const std::string whole = framed_answer(framing(), message);
     waiting_ += whole.size();
     TimedBytes timed{at, {whole.begin(), whole.end()}};
+    // Behind those of the same time: what was said first comes first.
     const auto behind = std::upper_bound(planned_.begin(), planned_.end(), at,
                                          [](Time t, const TimedBytes& one) { return t < one.at; });
     planned_.insert(behind, std::move(timed));
@@ -374,6 +381,8 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
         }
         if (!heard_.ends_with(frame.stop)) return std::nullopt;
         message = heard_.substr(0, heard_.size() - 1);
+        // From the last start on: one that was broken off before it is dropped. Without any (npos +
+        // 1 is 0) the whole text is taken.
         message = message.substr(std::min(message.size(), message.rfind(frame.start) + 1));
         break;
       case Framing::Kind::quiet:   // end_of_silence()
@@ -388,6 +397,7 @@ class ScriptedEmulator final : public Emulator, private modbus::Store {
     if (message.size() < size) return std::nullopt;
     const std::string sum = message.substr(message.size() - size);
     message.resize(message.size() - size);
+    // Silence, as an instrument answers to a message that it cannot trust.
     if (checksum_of(framing().checksum, message) != sum) return std::nullopt;
     return message;
   }

@@ -90,8 +90,10 @@ void Exchange::send(std::string_view message) {
   const LinkDeclaration& link = declaration().link;
   Clock& clock = dialogue_.clock();
   if (link.pause > Time::zero() && sent_before_)
+    // Slow instruments lose what comes before they have settled: counted from whichever was later.
     clock.sleep_until(later(std::max(sent_, answered_), link.pause));
   const std::string whole = framed(link.framing, std::string(message), ++transaction_);
+  // Of a Modbus PDU the first byte is its function, which the answer has to repeat.
   function_ = message.empty() ? '\0' : message.front();
   dialogue_.send(whole);
   sent_ = clock.now();
@@ -114,6 +116,7 @@ std::string Exchange::take(std::size_t count, Time deadline) {
 std::string Exchange::until(const std::string& end, Time deadline) {
   std::string message;
   while (!message.ends_with(end)) {
+    // A line ends at the last byte of the end; where that is a part of the message it goes on.
     message += dialogue_.line(end.back(), declaration().link.framing.most, deadline) + end.back();
     if (message.size() > declaration().link.framing.most)
       dialogue_.fail(DeviceErrorKind::protocol, "its message does not end: " + printable(message));
@@ -136,6 +139,7 @@ std::string Exchange::rtu_answer(Time deadline) {
                    "the checksum of its message is wrong: " + printable(frame));
   if (static_cast<std::uint8_t>(frame[0]) != declaration().link.framing.unit)
     dialogue_.fail(DeviceErrorKind::protocol, "another unit answers: " + printable(frame));
+  // Without the unit in front and the CRC behind: the PDU.
   return frame.substr(1, frame.size() - 3);
 }
 
@@ -242,6 +246,7 @@ std::string Exchange::receive(Time deadline) {
 
 // What does not come in time may come later.
 std::string Exchange::next_message(Time deadline) {
+  // Both stay set where the message throws: the next question then waits for what may still come.
   const bool before = std::exchange(unsure_, true);
   const bool owed = std::exchange(owed_, true);
   std::string message = without_checksum(unframed(deadline));
@@ -292,6 +297,7 @@ std::string Exchange::ask(std::string_view message, Time timeout,
   asked_ = clock.now();
   const Time deadline = std::min({later(asked_, timeout), deadline_, until_});
   for (int i = 0; i < kMostUnasked; ++i) {
+    // The time of the first byte is that of the answer; how long the rest takes is the line's.
     owed_ = !dialogue_.await(deadline);
     answered_ = clock.now();
     std::string answer = next_message(deadline);
@@ -358,6 +364,7 @@ Identity Exchange::begin() {
     const Declaration& all = declaration();
     if (all.link.opening_pause > Time::zero()) dialogue_.clock().sleep_for(all.link.opening_pause);
     Identity identity = identify();
+    // From here on an error is no longer explained by another instrument on the line.
     dialogue_.identified();
     for (const std::string& message : all.setup) {
       send(message);
@@ -497,6 +504,7 @@ void Exchange::carry_out_safe() {
       send(message_for(sandbox(), *format, {value}));
       if (!property.expects.empty()) next_message(reply_deadline());
     } else {
+      // Not by call(), which would judge a fault and come here again.
       std::get<Reference>(property.set).push();
       io_.push();
       push_quantity(sandbox().stack(), value);
@@ -519,7 +527,7 @@ const Reference* Exchange::safe_function() const {
                                                                                     : nullptr;
 }
 
-// io:ask(message, { timeout = 0.5, match = "^A", lines = 1 }): match may be a function(message).
+// io:ask(message, { timeout = 0.5, match = "^A" }): match may be a function(message).
 int Exchange::op_ask(lua_State* L) {
   const std::string message(text_at(L, 1, "message"));
   const Time timeout = time_option(L, 2, "timeout", declaration().link.timeout);

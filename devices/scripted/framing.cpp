@@ -27,6 +27,7 @@ std::string framed(const Framing& framing, const std::string& message, std::uint
                                  : modbus::rtu_frame(framing.unit, pdu);
     return {whole.begin(), whole.end()};
   }
+  // The checksum covers the message alone: neither brackets nor the length byte.
   std::string whole = message + checksum_of(framing.checksum, message);
   if (framing.kind == Framing::Kind::brackets && !framing.plain_send)
     return bracketed(framing, message, whole);

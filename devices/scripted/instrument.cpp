@@ -32,6 +32,7 @@ class ScriptedInstrument final : public Instrument {
     if (polls) poll_ = clock_.spawn("poll " + opening.name, [this] { poll(); });
   }
   ~ScriptedInstrument() override {
+    // First: a poll in the middle of a question would hold the turn that make_safe() needs.
     poll_.reset();
     try {
       if (!connection_.dialogue().lost()) make_safe();
@@ -69,6 +70,8 @@ QuantityValue ScriptedInstrument::converted(const PropertyDeclaration& property,
                                             const QuantityValue& said) {
   const auto* const text = std::get_if<std::string>(&said);
   const bool from_function = std::holds_alternative<Reference>(property.ask);
+  // Registers have their number from the bits; texts from a pattern, or from what looks like a
+  // number in it; functions of the file give values in the declared unit.
   if (property.held && !from_function) {
     const auto value = text == nullptr ? std::nullopt : value_in(*property.held, *text);
     if (!value)
@@ -112,8 +115,10 @@ QuantitySample ScriptedInstrument::read(std::size_t index, Time timeout) {
   const PropertyDeclaration& property = connection_.declaration().properties.at(index);
   if (!property.info.readable)
     throw std::invalid_argument(property.info.name + ": can only be set");
+  // Asked before the turn, which defers every stop.
   const bool hears = Exchange::hears(clock_);
   const Dialogue::Turn turn(connection_.dialogue());
+  // Reading leaves nothing half done, so a stop may break it off while the file's function sleeps.
   const Exchange::Breakable breakable(exchange(), hears);
   connection_.be_open();
   const Time began = clock_.now();
@@ -154,6 +159,7 @@ void ScriptedInstrument::command(std::size_t index, const std::vector<QuantityVa
   if (arguments.size() != command.info.arguments.size())
     throw std::invalid_argument(command.info.name + ": wants " +
                                 std::to_string(command.info.arguments.size()) + " arguments");
+  // All arguments are checked before the first byte is sent.
   std::vector<QuantityValue> declared;
   for (std::size_t i = 0; i < arguments.size(); ++i) {
     check_value(command.info.arguments[i], arguments[i], name());
@@ -209,6 +215,7 @@ void ScriptedInstrument::poll() {
       pause = std::max(pause, kRetry);
     }
     if (listener_) listener_(index, latest_[index]);
+    // A pace that is kept on the mean, without a burst after a stall.
     *next = std::max(later(*next, pause), clock_.now());
   }
 }

@@ -29,6 +29,7 @@ std::int64_t length_of_texts(lua_State* L) {
 
 /// In proportion to its texts.
 int of_texts(lua_State* L) {
+  // Charged before the work: a call that is too much does not begin.
   budget::charge(L, length_of_texts(L) / kBytes);
   return original(L);
 }

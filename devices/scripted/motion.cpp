@@ -30,6 +30,7 @@ class ScriptedStage final : public StageProtocol {
     for (const AxisDeclaration& axis : loaded_.declaration.axes)
       info.axes.push_back({axis.name, axis.travel_min, axis.travel_max, axis.max_speed, axis.speed,
                            axis.resolution});
+    // A stage that still moves from an earlier program would be taken for one that stands.
     halt();
     return info;
   }
@@ -56,6 +57,7 @@ class ScriptedStage final : public StageProtocol {
     for (std::size_t i = 0; i < target.size(); ++i)
       declared.push_back(axes[i].unit.from_si(target[i]));
     // A speed in the unit of the first axis: mm/s where positions are in mm.
+    // A factor and no offset: speeds are differences of positions.
     call("set_off", {declared, speed / axes.front().unit.factor});
     commanded();
   }

@@ -23,6 +23,7 @@ class ScriptedCoils final : public CoilAmplifier {
       : connection_(std::move(opening.loaded), std::move(opening.link), opening.name,
                     opening.clock),
         currents_(static_cast<std::size_t>(number("channels")), 0) {
+    // What flows at opening is not known: it is made zero, so that currents_ holds from then on.
     make_safe();
   }
   ~ScriptedCoils() override {
@@ -49,6 +50,7 @@ class ScriptedCoils final : public CoilAmplifier {
         connection_.dialogue().fail(DeviceErrorKind::refused, "a current is beyond its limit");
       declared.push_back(unit().from_si(current));
     }
+    // Everything is checked before the turn: a set-point is sent whole, or not at all.
     const Dialogue::Turn turn(connection_.dialogue());
     must_be_there(connection_);
     call("set_currents", {declared});

@@ -11,6 +11,7 @@ namespace vitreo::scripted {
 namespace {
 
 constexpr std::size_t kMostCaptures = 32;
+// As MAXCCALLS of lstrlib.c: a pattern recurses by item, and the stack is the host's.
 constexpr int kMostDepth = 200;
 constexpr char kEscape = '%';
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
@@ -51,6 +52,8 @@ bool in_class(char c, char letter) {
   return holds() == (std::islower(byte_of(letter)) != 0);
 }
 
+/// One pattern on one subject; `s` is a place in the subject, `p` one in the pattern. Alternatives
+/// are tried by recursion, so the captures are undone where one fails.
 class Matcher {
  public:
   Matcher(std::string_view subject, std::string_view pattern, PatternSteps& steps)
@@ -149,6 +152,7 @@ class Matcher {
     return kNone;
   }
 
+  /// `*` and `+`: as many as there are, then one less each time that the rest does not match.
   std::size_t longest(std::size_t s, std::size_t p, std::size_t end) {
     std::size_t count = 0;
     while (single(s + count, p, end)) ++count;
@@ -159,6 +163,7 @@ class Matcher {
     }
   }
 
+  /// `-`: one more each time that the rest does not match.
   std::size_t shortest(std::size_t s, std::size_t p, std::size_t end) {
     for (;;) {
       const std::size_t rest = match(s, end + 1);
@@ -195,6 +200,7 @@ class Matcher {
       throw PatternError("invalid capture index %" + std::to_string(digit - '0'));
     const PatternCapture& capture = captures_[index].capture;
     if (capture.position) return kNone;
+    // One comparison of a long text is many steps' work.
     steps_.left -= static_cast<std::int64_t>(capture.size / 8);
     step();
     if (subject_.size() - s < capture.size ||

@@ -42,6 +42,8 @@ std::optional<PatternMatch> charged(lua_State* L, const Search& search) {
       problem = error.what();
     }
   });
+  // No exception leaves the search, so that the account books its steps whatever comes of it; the
+  // error is raised behind it.
   if (!problem.empty()) luaL_error(L, "%s", problem.c_str());
   return found;
 }
@@ -107,6 +109,7 @@ int next_match(lua_State* L) {
   for (; from <= text.size(); ++from) {
     const auto found = charged(
         L, [&](PatternSteps& steps) { return match_pattern_at(text, pattern, from, steps); });
+    // An empty match where the last one ended would come again for ever.
     if (!found || static_cast<lua_Integer>(found->end) == last) continue;
     lua_pushinteger(L, static_cast<lua_Integer>(found->end));
     lua_copy(L, -1, lua_upvalueindex(4));

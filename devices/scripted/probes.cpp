@@ -51,6 +51,7 @@ class ScriptedProbe final : public FieldProbe {
     const Time to = exchange.answered() < from ? clock_.now() : exchange.answered();
     reading.within = (to - from) / 2;
     reading.measured = from + reading.within;
+    // Some probes say a number all the same when they are overloaded.
     for (const double component : reading.field)
       if (std::abs(component) > info_.range)
         connection_.dialogue().fail(DeviceErrorKind::refused, "the field is beyond its range");
@@ -69,6 +70,7 @@ class ScriptedSensor final : public CurrentSensor {
       : connection_(std::move(opening.loaded), std::move(opening.link), opening.name,
                     opening.clock) {
     info_.identity = connection_.identity();
+    // From 1 in the file, as on the amplifier's front; from 0 in the program.
     for (const int coil : connection_.declaration().coils) info_.coils.push_back(coil - 1);
   }
   const CurrentSensorInfo& info() const override { return info_; }

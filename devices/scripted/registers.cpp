@@ -49,6 +49,7 @@ Range range_of(RegisterFormat format) {
 }
 
 /// The bits of the number in its format; 32 of them, or 16.
+/// Throws std::out_of_range rather than wrap round: -1 in a u16 would be the largest set-point.
 std::uint32_t bits_of(const RegisterDeclaration& declared, double number) {
   const double held = number / declared.scale;
   if (declared.format == RegisterFormat::f32) {
@@ -96,6 +97,8 @@ std::optional<QuantityValue> value_in(const RegisterDeclaration& declared,
   if (is_bit(declared)) return value_of_words(declared, {static_cast<std::uint16_t>(byte(2) & 1)});
   std::vector<std::uint16_t> words;
   for (std::size_t at = 2; at < answer.size(); at += 2)
+    // Within a register the high byte comes first (MAP 4.2). The order of two registers is not in
+    // the standard: the file says it.
     words.push_back(static_cast<std::uint16_t>(byte(at) << 8 | byte(at + 1)));
   return value_of_words(declared, words);
 }

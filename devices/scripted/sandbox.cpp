@@ -153,6 +153,7 @@ void* Sandbox::allocate(void* user, void* block, std::size_t old_size, std::size
     return nullptr;
   }
   // Outside of a call an error of Lua's has no handler: the host's own pushes have room to spare.
+  // What shrinks is never refused: a collection must be able to go on at the limit.
   const std::size_t limit = sandbox.limits_.memory + (sandbox.in_script_ ? 0 : kHeadroom);
   if (new_size > old_size && sandbox.memory_ + (new_size - old_size) > limit)
     return sandbox.refused();
@@ -209,6 +210,7 @@ void Sandbox::count(lua_State* L, lua_Debug*) {
 
 Sandbox::Sandbox(const std::string& file, const SandboxLimits& limits)
     : file_(file), limits_(limits) {
+  // luaL_newstate() would take an allocator that counts nothing.
   main_ = lua_newstate(allocate, this);
   if (main_ == nullptr) throw std::bad_alloc();
   *static_cast<Sandbox**>(lua_getextraspace(main_)) = this;  // threads copy it
@@ -232,6 +234,7 @@ void Sandbox::open() {
   lua_newtable(main_);
   lua_pushcfunction(main_, unknown_global);
   lua_setfield(main_, -2, "__index");
+  // A __metatable of false: the file can neither see nor replace the one of its globals.
   lua_pushboolean(main_, 0);
   lua_setfield(main_, -2, "__metatable");
   lua_setmetatable(main_, -2);
@@ -257,6 +260,7 @@ void Sandbox::push_operations(std::initializer_list<const char*> names) {
 }
 
 void Sandbox::load(std::string_view text, const std::string& name) {
+  // "t": texts alone. Precompiled chunks can break out of Lua's machine.
   if (luaL_loadbufferx(main_, text.data(), text.size(), name.c_str(), "t") == LUA_OK) return;
   const ScriptFault fault(told(main_, lua_tostring(main_, -1)));
   lua_pop(main_, 1);
@@ -320,6 +324,7 @@ int Sandbox::resume(lua_State* thread, int arguments, int* results) {
   in_script_ = true;
   const int status = lua_resume(thread, nullptr, arguments, results);
   in_script_ = false;
+  // At least one for each resumption, so that a loop of operations ends, too.
   left_in_all_ -= std::min(given, given - left_ + 1);
   return status;
 }
@@ -348,6 +353,7 @@ void Sandbox::call(int arguments, int results, Operations* operations, Clock* cl
   const Reference alive(main_);
   if (arguments > kMostArguments || lua_checkstack(thread, arguments + LUA_MINSTACK) == 0)
     throw ScriptFault(file_ + ": a function would have too many arguments");
+  // The function stands below its arguments.
   lua_xmove(main_, thread, arguments + 1);
   int given = arguments;
   for (;;) {

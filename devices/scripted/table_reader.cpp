@@ -31,6 +31,7 @@ void TableReader::fail(const std::string& key, const std::string& problem) const
 // Raw: a metatable of the file's does not run here.
 int TableReader::push(const std::string& key) {
   lua_State* const L = sandbox_->stack();
+  // What is asked for is what is known: finish() needs no list of keys beside the code.
   known_.insert(key);
   table_.push();
   lua_pushlstring(L, key.data(), key.size());
@@ -180,6 +181,7 @@ std::vector<TableReader> TableReader::list(const std::string& key) {
   return found;
 }
 
+// Sorted, as the order of Lua's tables changes from run to run: quantities keep their indices.
 std::vector<std::string> TableReader::keys() {
   lua_State* const L = sandbox_->stack();
   std::vector<std::string> found;

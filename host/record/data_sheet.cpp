@@ -23,17 +23,20 @@ std::string cell(std::string text) {
   return text;
 }
 
+/// Empty where it is missing: records of older versions have fewer keys.
 std::string text_in(const nlohmann::json& object, const char* key) {
   if (!object.is_object() || !object.contains(key)) return "";
   return object[key].is_string() ? object[key].get<std::string>() : object[key].dump();
 }
 
+/// system_clock may be coarser than a nanosecond: the exact number stands beside the text.
 std::string utc_of(std::int64_t nanoseconds) {
   return utc_text(std::chrono::system_clock::time_point(
       std::chrono::duration_cast<std::chrono::system_clock::duration>(
           std::chrono::nanoseconds(nanoseconds))));
 }
 
+/// One line "- title: name value, ..."; nothing for an empty object.
 void list_of(const nlohmann::json& object, const std::string& title, std::string& out) {
   if (!object.is_object() || object.empty()) return;
   out += "- " + title + ":";
@@ -75,6 +78,7 @@ std::string provenance(const RunData& data) {
   return out + "\nEvery number in the record is in the SI unit that stands beside it.\n\n";
 }
 
+/// Of a kind of meanings those that this record uses; no names: all of them.
 std::string of_kind(const std::string& kind, const std::set<std::string>& names) {
   std::string out;
   for (const Meaning& one : meanings())
@@ -83,6 +87,7 @@ std::string of_kind(const std::string& kind, const std::set<std::string>& names)
   return out;
 }
 
+/// What t_ns counts, and from when: without it no stream can be laid beside data of another source.
 std::string times(const RunData& data) {
   std::string out = "## Times\n\n`t_ns` counts nanoseconds of the run's clock.";
   if (data.start.t0_utc_ns)
@@ -99,6 +104,8 @@ std::string times(const RunData& data) {
          of_kind("clock", clocks) + "\n";
 }
 
+/// By the record's own rows and not by the program's: a record of an older version describes
+/// itself.
 std::string streams(const RunData& data) {
   std::set<std::string> axes;
   std::string out;
@@ -133,6 +140,7 @@ std::string cameras(const RunData& data) {
   return out + "\n";
 }
 
+/// The schema of this version: a record of an older one may lack some of it (data_sheet.h).
 std::string tables() {
   std::string out = "## Tables of run.sqlite\n\n";
   for (const RecordTable& table : record_tables()) {
@@ -151,6 +159,7 @@ std::string tables() {
 std::string data_sheet(const RunData& data) {
   std::string out = provenance(data) + "## Files\n\n" + of_kind("file", {}) + "\n" + times(data) +
                     streams(data) + cameras(data) + tables();
+  // One end of line at the end, as editors and checkers of Markdown want it.
   while (out.ends_with("\n\n")) out.pop_back();
   return out;
 }

@@ -27,6 +27,8 @@ const std::vector<Meaning> kFiles{
     {"file", "reserve.room", "", "room kept on the disk for the end record while it records"},
 };
 
+// The names are words of the format: readers compare with them, so a text may change here and a
+// name may not.
 const std::vector<Meaning> kNames{
     {"time", "real", "",
      "the run's clock is the monotonic clock of the host, which goes at the pace of the wall "
@@ -54,6 +56,7 @@ const std::vector<Meaning> kNames{
      "goes down along -z; the camera looks along +y"},
 };
 
+// Sample tables differ from record to record: one pattern stands for all of them.
 std::vector<Meaning> all() {
   std::vector<Meaning> list = kFiles;
   list.insert(list.end(), kNames.begin(), kNames.end());

@@ -49,6 +49,7 @@ void PortablePaths::know(const std::string& folder, const std::string& instead) 
   const auto same = [&](const auto& one) { return one.first == with_end; };
   if (std::any_of(folders_.begin(), folders_.end(), same)) return;
   folders_.emplace_back(with_end, instead);
+  // The longest first: the folder of a run below the home is taken out before the home is.
   std::stable_sort(folders_.begin(), folders_.end(),
                    [](const auto& a, const auto& b) { return a.first.size() > b.first.size(); });
 }
@@ -59,6 +60,8 @@ std::string PortablePaths::file(const std::string& path) {
   // Below the home, or beside all that is known: only where it lies within its own folder counts.
   if (!shorter.starts_with('/') && !shorter.starts_with('~')) return shorter;
   const fs::path whole = fs::path(path).lexically_normal();
+  // The last folder says which collection a file belongs to ("protocols/hold.lua"); what is above
+  // it is the machine's.
   know(whole.parent_path().parent_path().string(), "");
   return (whole.parent_path().filename() / whole.filename()).string();
 }
@@ -78,6 +81,7 @@ nlohmann::json PortablePaths::json(const nlohmann::json& value) const {
   }
   if (!value.is_object()) return value;
   nlohmann::json object = nlohmann::json::object();
+  // Keys, too: the files of a rig are listed by their names.
   for (const auto& [key, one] : value.items()) object[text(key)] = json(one);
   return object;
 }

@@ -7,11 +7,14 @@
 namespace vitreo {
 namespace {
 
+// SQLite's storage classes. A key of this type is the table's rowid: rows are found by it without
+// an index.
 constexpr const char* kKey = "INTEGER PRIMARY KEY";
 constexpr const char* kInteger = "INTEGER";
 constexpr const char* kReal = "REAL";
 constexpr const char* kText = "TEXT";
 
+// In the order of DATA.md; readers in other languages find the tables by these names.
 constexpr RecordTable kTables[] = {
     {"run", "the start record, one row: what was asked of the run, by whom, on what"},
     {"module", "each Lua file that the scripts required, as it was then"},
@@ -33,6 +36,8 @@ constexpr RecordTable kTables[] = {
 constexpr const char* kSeq = "the row's number, from 1";
 constexpr const char* kRunTime = "when, on the run's clock; UTC is run.t0_utc_ns plus it";
 
+// The rows of a table stand together, and in the order of its columns: create_table() takes them
+// so. A new column raises kRecordVersion and leaves the others where they are.
 constexpr RecordColumn kColumns[] = {
     {"run", "uid", kText, "", "identifier of this run, random, 32 hexadecimal digits"},
     {"run", "time", kText, "", "when it began: ISO 8601, local time with its offset from UTC"},
@@ -86,6 +91,8 @@ constexpr RecordColumn kColumns[] = {
     {"camera", "bits", kInteger, "1", "so many bits of a pixel count, the low ones"},
     {"camera", "offset_x_px", kInteger, "px", "column of the image's first pixel on the sensor"},
     {"camera", "offset_y_px", kInteger, "px", "row of the image's first pixel on the sensor"},
+    // Three times a row: of the exposure and of its arrival on the run's clock, and of the exposure
+    // on the camera's own, which may drift from it.
     {"frame", "seq", kKey, "1", kSeq},
     {"frame", "camera", kText, "", "role of the camera"},
     {"frame", "number", kInteger, "1",
@@ -140,6 +147,7 @@ constexpr RecordColumn kColumns[] = {
     {"stop", "lost", kText, "",
      "JSON, camera: frames that the camera exposed, by its count, and that never came to the host "
      "or were not taken in time, while its frames were recorded"},
+    // Four columns of one cause (EndCause): empty where it does not apply.
     {"stop", "ended_by", kText, "",
      "who or what ended it: protocol (it came to its end, or to its own error), script (it asked "
      "for the end), person, scheduler (of a cluster), signal, device, interlock, watchdog, "
@@ -170,6 +178,7 @@ std::string create_table(const std::string& table) {
   std::string columns;
   for (const RecordColumn& column : kColumns)
     if (table == column.table)
+      // The names are this file's own words and need no quotes.
       columns += (columns.empty() ? "" : ", ") + std::string(column.name) + " " + column.type;
   if (columns.empty()) throw std::logic_error("run.sqlite has no table " + table);
   return "CREATE TABLE IF NOT EXISTS " + table + "(" + columns + ");";
@@ -178,6 +187,7 @@ std::string create_table(const std::string& table) {
 std::string create_tables() {
   std::string sql;
   for (const RecordTable& table : kTables)
+    // An empty table `link` would say that a traced line was silent.
     if (std::string_view(table.name) != "link") sql += create_table(table.name);
   return sql;
 }

@@ -16,6 +16,7 @@ namespace {
 
 constexpr std::size_t kLongest = 1000;  // bytes
 
+/// One line, as labels stand in lists and in the cells of tables.
 void check_value(const std::string& name, const std::string& value) {
   const auto control = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; };
   if (value.empty()) throw std::invalid_argument(name + ": wants a text, got an empty one");
@@ -64,6 +65,7 @@ std::string utc_second(const std::string& text) {
   const std::string rest = text.substr(at);
   parts.tm_year -= 1900;
   parts.tm_mon -= 1;
+  // Whether summer time holds is the C library's to find out, by the host's time zone.
   parts.tm_isdst = -1;
   const std::tm given = parts;
   std::time_t seconds = 0;
@@ -72,6 +74,7 @@ std::string utc_second(const std::string& text) {
   else
     seconds = timegm(&parts) - offset_of(rest, text);
   // The 31st of a month that has none becomes the first of the next one: that is a mistake.
+  // The hour is not compared: in the gap of summer time mktime() moves it on by one.
   if (parts.tm_mday != given.tm_mday || parts.tm_mon != given.tm_mon ||
       parts.tm_min != given.tm_min || parts.tm_sec != given.tm_sec)
     no_time(text);
@@ -84,6 +87,7 @@ std::string utc_second(const std::string& text) {
 
 }  // namespace
 
+// A key that is there already is replaced.
 void set_tag(nlohmann::json& tags, const std::string& key, const std::string& value) {
   const auto in_word = [](char c) {
     return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-' || c == '.';

@@ -74,6 +74,7 @@ void FieldRotor::run() {
 /// ahead. The phase advances by the time since the last one, so that no change of the frequency
 /// makes it leap.
 void FieldRotor::send() {
+  // stop() waits for this: no set-point may come after the zeros that its caller sends.
   struct Busy {
     FieldRotor& rotor;
     explicit Busy(FieldRotor& its) : rotor(its) { rotor.busy_ = true; }
@@ -81,7 +82,6 @@ void FieldRotor::send() {
       rotor.busy_ = false;
       rotor.clock_.notify(rotor.changed_);
     }
-  // stop() waits for this: no set-point may come after the zeros that its caller sends.
   } const busy(*this);
   const Time now = clock_.now();
   const double rate = 2 * M_PI * rotation_.frequency;

@@ -28,6 +28,7 @@ InstrumentRecord::InstrumentRecord(Clock& clock, Rig& rig, Recorder& recorder,
 }
 
 InstrumentRecord::~InstrumentRecord() {
+  // The instruments outlive the record: none may call into what is gone.
   for (const auto& [role, one] : listening_) one->instrument->on_poll({});
 }
 
@@ -44,6 +45,8 @@ int InstrumentRecord::stream_of(const std::string& role, const InstrumentInfo& i
   const bool number = quantity.type == QuantityType::number || quantity.type == QuantityType::flag;
   if (quantity.every == Time::zero() || !number) return -1;
   std::string name = role + "_" + quantity.name;
+  // A stream's unit cannot change within a record: the same quantity in another unit is another
+  // stream.
   const auto [known, added] = streams_.try_emplace(name + " " + quantity.unit, -1);
   if (!added) return known->second;
   for (int i = 2; recorder_.stream(name) != nullptr; ++i)
@@ -73,6 +76,7 @@ void InstrumentRecord::listen(const std::string& role, Instrument& instrument) {
   listening = std::make_unique<Listening>(Listening{role, &instrument, info.on_silence});
   for (const QuantityInfo& one : info.quantities)
     listening->quantities.push_back({one.name, stream_of(role, info, one)});
+  // The listener runs in the instrument's poll task, and a task holds the clock's baton: no lock.
   instrument.on_poll(
       [this, it = listening.get()](std::size_t index, const Instrument::Latest& latest) {
         hear(*it, index, latest);
@@ -90,6 +94,7 @@ void InstrumentRecord::hear(Listening& listening, std::size_t index,
   }
   if (quantity.stream < 0) return;
   const auto* const flag = std::get_if<bool>(&latest.sample->value);
+  // Flags are recorded as 0 and 1, beside the numbers.
   const double value =
       flag != nullptr ? static_cast<double>(*flag) : std::get<double>(latest.sample->value);
   recorder_.sample(quantity.stream, latest.sample->time, std::span(&value, 1));

@@ -40,6 +40,7 @@ std::string range_text(const Parameter& parameter, std::string_view dimension) {
 }
 
 /// The default as an argument: "speed=5um/s".
+/// Without blanks: on the command line a blank ends the word.
 std::string example(const Parameter& parameter) {
   std::string text = plain_value_text(parameter, parameter.fallback);
   std::erase(text, ' ');
@@ -97,6 +98,7 @@ bool read_flag(const Parameter& parameter, const std::string& text) {
 
 }  // namespace
 
+// Numbers come out in SI, whatever unit was typed.
 ArgumentValue read_argument(const Parameter& parameter, const std::string& text) {
   switch (parameter.kind) {
     case ParameterKind::number:
@@ -188,6 +190,7 @@ std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& 
   for (const std::string& word : words) {
     const Parameter& parameter = parameter_of(protocol, word);
     if (values.contains(parameter.name)) fail(parameter.name, "is given twice");
+    // From the first "=" on: a text may have more of them.
     values[parameter.name] = read_argument(parameter, word.substr(word.find('=') + 1));
   }
   for (const Parameter& parameter : protocol.parameters)

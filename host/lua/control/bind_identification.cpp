@@ -33,6 +33,7 @@ std::vector<TimedVector> rows_of(const OptionTable& table, const std::string& wh
       rows[i].value[static_cast<Eigen::Index>(axis)] = (*values)[i];
     }
   }
+  // The record has NaN where nothing was measured; a gap is no harm to least squares.
   std::erase_if(rows, [](const TimedVector& row) { return !row.value.allFinite(); });
   return rows;
 }
@@ -48,12 +49,14 @@ std::vector<TimedVector> rows_option(const Call& call, const char* name,
 constexpr std::array<const char*, 3> kPosition{"x", "y", "z"};
 constexpr std::array<const char*, 3> kCommanded{"commanded_x", "commanded_y", "commanded_z"};
 
+/// Off the script's task (calculate): a fit solves the least squares some fifty times.
 int identify_response(Call& call) {
   control::DrivenMotion motion;
   motion.measured = rows_option(call, "measured", kPosition);
   motion.commanded = rows_option(call, "commanded", kCommanded);
   motion.lag = call.number_option("lag").value_or(motion.lag);
   const Eigen::Vector3d direction = call.vector_option("direction")->normalized();
+  // Before the calculation begins: what is wrong with the arguments is an error of the call.
   motion.check();
   return calculate(
       call, "identification",
@@ -106,6 +109,7 @@ int identify_fall(Call& call) {
       call, "identification",
       [falls = falls_option(call),
        lag = call.number_option("lag").value_or(0.0106)](const YieldPoint&) {
+        // World z is up: the speed of a robot that sinks is positive.
         return control::identify_fall(falls, Eigen::Vector3d(0, 0, -1), lag);
       },
       [](const Call& done, const control::IdentifiedFall& found) {

@@ -48,6 +48,7 @@ QuantityValue value_at(const Call& call, std::size_t argument, QuantityType type
   return call.text(argument);
 }
 
+// The pointer is the rig's, whose proxy stays through a reload; the index is looked up in the job.
 int read_quantity(Call& call) {
   Instrument* const instrument = &call.self<Instrument>();
   auto sample = std::make_shared<QuantitySample>();
@@ -65,6 +66,7 @@ int set_quantity(Call& call) {
   Instrument* const instrument = &call.self<Instrument>();
   const std::string name = call.binding.name.substr(kSetter.size());
   const auto& all = instrument->info().quantities;
+  // Taken off the Lua stack now: the job runs while the script's coroutine sleeps.
   const QuantityValue value = value_at(call, 0, all[index_of(all, name)].type);
   return call.wait(work(
       call, instrument->info().identity.name,
@@ -83,6 +85,7 @@ int run_command(Call& call) {
   return call.wait(work(
       call, instrument->info().identity.name,
       [=] { instrument->command(index_of(instrument->info().commands, name), arguments); },
+      // Beyond what the driver itself allows, whose error says more than that of the wait.
       2 * all[index].longest + from_seconds(1), [](Call&) { return 0; }));
 }
 
@@ -145,6 +148,8 @@ std::string doc_of(const QuantityInfo& info) {
   return doc;
 }
 
+/// Help, completion and checks of arguments are the binding's own, made of the declaration: an
+/// instrument of a file is called as any role of the program's.
 Class class_of(const std::string& role, const InstrumentInfo& info) {
   Class made;
   made.name = "rig." + role;
@@ -233,6 +238,7 @@ int instrument_of_kind(Call& call) {
                                                "; name one of them");
 }
 
+// The rig owns its devices and outlives the state: the handle frees nothing.
 template <class T>
 void push_borrowed(lua_State* L, const Class& kind, T* device) {
   push_handle(L, kind, std::shared_ptr<void>(device, [](void*) {}));

@@ -124,6 +124,7 @@ void take_law(const Call& call, ServoSettings& settings) {
   else if (given)
     std::visit(TakeLaw{settings}, call.handle_option<LawGains>("law"));
   // Turning takes less field than pulling.
+  // Before the option `field` is read, which replaces it.
   if (settings.law == ControlLaw::rotating) settings.field = 2e-3;
 }
 
@@ -409,6 +410,7 @@ void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras&
   if (settings.feedback != Feedback::pose_sensor && !eyes.top)  // as the run itself would say it
     throw std::invalid_argument(std::string("feedback \"") + to_string(settings.feedback) +
                                 "\" needs a background of the empty scene");
+  // By the feedback of the run itself, which is replaced below.
   settings.by_pose = settings.feedback != Feedback::pose_sensor;
   settings.stays_in_sight = looks(settings.feedback);
   if (settings.feedback != Feedback::none)
@@ -442,6 +444,7 @@ int open_servo(Call& call) {
   const std::set<std::string> sources = sources_of(settings.feedback);
   if (session.rehearsal != nullptr && session.rig.pose_sensor != nullptr)
     rehearse(*session.rehearsal, settings, eyes);
+  // Shared with the closer below: the script's handle may be collected before the session ends.
   auto servo = std::make_shared<Servo>(session.clock, session.rig, session.recorder,
                                        std::move(eyes), settings);
   if (session.rehearsal != nullptr)

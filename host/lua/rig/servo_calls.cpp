@@ -161,6 +161,8 @@ std::optional<control::DirectionPath> turns_of(Call& call, const Servo& servo) {
     times.push_back(
         times.back() +
         control::Trajectory::line(points[k - 1], points[k], motion_limits(call)).duration());
+  // The times are those at which waypoints() rests at each point: one line's duration after
+  // another.
   const control::DirectionPath path = control::DirectionPath::timed(directions, times);
   const double most = call.number_option("turn_speed").value_or(kTurnSpeed);
   if (path.fastest() > most)
@@ -337,6 +339,7 @@ int servo_calls::let_fall(Call& call) {
   servo->let_fall(duration);
   Wait wait =
       servo_wait(servo, [servo](const ServoStatus&) { return servo->last_fall().has_value(); });
+  // A fall begins and ends with a frame: some seconds without one are a camera that is silent.
   wait.deadline = later(session_of(call.L).clock.now(), from_seconds(2 * duration + 5));
   wait.finish = [servo, duration](Call& done, bool in_time) {
     throw_if_troubled(*servo);
@@ -382,6 +385,7 @@ int servo_calls::go_to(Call& call) {
   call.check_can_wait();
   servo->follow(path);
   if (turn) servo->turn(*turn);
+  // A copy of `arrival` goes into the wait and counts there; the one in `finish` has the limits.
   Wait wait = servo_wait(servo, arrival);
   wait.deadline = later(session_of(call.L).clock.now(), from_seconds(timeout));
   wait.finish = [servo, arrival, timeout](Call&, bool in_time) {
@@ -408,6 +412,7 @@ int servo_calls::follow(Call& call) {
   const double from = context.fraction,
                to = std::max(from, call.number_option("progress_to").value_or(1));
   const std::string label = call.text_option("label").value_or("following the path");
+  // Times of exposures, as those at the end.
   const double start = to_seconds(servo->status().time);
   Wait wait = servo_wait(servo, [&context, from, to, label](const ServoStatus& now) {
     tell_progress(context, from + (to - from) * now.progress, label);

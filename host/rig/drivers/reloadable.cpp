@@ -11,7 +11,8 @@
 namespace vitreo {
 namespace {
 
-/// What all proxies share: the driver inside, how many calls are on it, and its exchange.
+/// What all proxies share: the driver inside, how many calls are on it, and its exchange. What
+/// holds the role has borrowed the proxy, whose address stays while the driver is another one.
 template <class Role>
 class Proxy : public Role, public Reloadable {
  public:
@@ -28,6 +29,8 @@ class Proxy : public Role, public Reloadable {
     close();
     try {
       open(next);
+      // The old driver could not reach its safe state: the new one does, before it counts as
+      // opened.
       if (!safe) make_driver_safe();
     } catch (const DeviceError& error) {
       go_back(error);
@@ -110,6 +113,7 @@ class Proxy : public Role, public Reloadable {
   ReloadableDriver<Role> driver_;
   const RigContext where_;
   Opened<Role> opened_;
+  // Tasks take turns under the clock's one baton, so a plain count is enough.
   mutable int uses_ = 0;
 };
 
@@ -152,9 +156,11 @@ class InstrumentProxy final : public Proxy<Instrument> {
       refuse_change("kind was " + info_.kind + " and is " + now.info().kind);
     info_ = now.info();
     touched_ = false;
+    // The record's listener is the proxy's: each new driver is given it.
     now.on_poll(listener_);
   }
 
+  // A copy, so that what scripts hold of it does not end with the driver.
   InstrumentInfo info_;
   PollListener listener_;
   bool touched_ = false;  // set or commanded since it was last made safe
@@ -315,6 +321,7 @@ template <class Role, class Its>
 Opened<Role> opened_proxy(ReloadableDriver<Role> driver, const RigContext& where) {
   const std::string role = driver.role;
   auto proxy = std::make_unique<Its>(std::move(driver), where);
+  // Borrowed: the rig owns the proxy, and its table of reloadable roles lives no longer.
   if (where.reloadable != nullptr) (*where.reloadable)[role] = proxy.get();
   return {nullptr, std::move(proxy)};
 }

@@ -79,6 +79,7 @@ QuantityValue read_setting(ConfigReader& reader, const scripted::SettingDeclarat
   }
   const scripted::DeclaredUnit& unit = setting.unit;
   const Bounds bounds{unit.to_si(setting.min), unit.to_si(setting.max), unit.si};
+  // Rig files are in SI, as scripts are; the file computes in its own units.
   return unit.from_si(
       reader.number(setting.name, unit.to_si(std::get<double>(setting.fallback)), bounds));
 }
@@ -148,6 +149,7 @@ std::shared_ptr<scripted::Emulator> emulate(const RigContext& where, const std::
   const std::shared_ptr<scripted::Emulator> emulator =
       emulator_of(std::move(loaded), std::move(surroundings));
   if constexpr (std::is_same_v<Role, Stage>) {
+    // The stage's own zero is anywhere: what it carries moves by the way from where it stands now.
     const auto origin = emulator->position(where.clock.now());
     carry(where, load, [axes, emulator, origin](Time now) {
       Eigen::Vector3d moved = Eigen::Vector3d::Zero();
@@ -194,6 +196,7 @@ Reading read_file(const InstrumentReader& instrument) {
                .has_safe_state = scripted::has_safe_state(first.declaration)};
   if constexpr (std::is_same_v<Role, Stage>) read.load = read_load(instrument, "nothing");
   // What these settings make wrong is told now, in the emulator too.
+  // Loaded a second time, with the settings that hold: the first one had the file's defaults.
   scripted::Loaded tried = load_instrument(file, read.values);
   if (tried.declaration.emulator) emulator_of(std::move(tried));
   return read;
@@ -206,6 +209,7 @@ Opened<Role> open_file(const Reading& read, const RigContext& where) {
   std::shared_ptr<scripted::Emulator> peer;
   scripted::Loaded loaded = load_instrument(read.file, read.values);
   if (far && loaded.declaration.emulator)
+    // A state of its own: driver and emulator of one file share nothing but the line.
     peer = emulate<Role>(where, read.role, load_instrument(read.file, read.values), read.load);
   if (where.offer && !peer) return {};
   const std::string end = loaded.declaration.link.framing.receive_end;
@@ -248,6 +252,7 @@ DriverReading<Role> read_again(const RigDescription& rig, const Reading& before)
   const InstrumentReader instrument{table, before.role, read_address(table), laboratory, links};
   const Reading now = read_file<Role>(instrument);
   read_rest(table, before.role);
+  // The guardian is another process and was told at the start.
   if (now.rescue != before.rescue)
     table.fail("driver",
                "has another rescue, or line, and the guardian has the one before: that "
@@ -271,6 +276,7 @@ Opener<Role> read_scripted(const InstrumentReader& instrument) {
   } else {
     const Reading read = read_file<Role>(instrument);
     // A reload reads the rig file's table again, whose reader is gone by then.
+    // The table is kept, not the rig file: what is edited there meanwhile does not count.
     const auto rig = std::make_shared<const RigDescription>(instrument.reader.rig());
     return [read, rig](const RigContext& where) {
       if (where.offer) return open_file<Role>(read, where);

@@ -15,6 +15,7 @@ namespace {
 
 std::vector<InstrumentSummary> summaries(const RigDraft& draft) {
   std::vector<InstrumentSummary> all = instrument_summaries(description_of(draft), draft.file);
+  // Drivers in C++ come first where a name is both: the rig file would open that one.
   std::erase_if(all, [](const InstrumentSummary& one) { return is_built_in(one.name); });
   return all;
 }
@@ -48,6 +49,7 @@ void check_role_name(const RigDraft& draft, const std::string& name) {
     throw ConfigError("'" + name + "' is a role already: choose another name");
 }
 
+/// The world is borrowed and outlives the interview; the summary is copied into the step.
 InterviewStep role_name_step(const InterviewWorld& world, const InstrumentSummary& file) {
   return [&world, file](const InterviewState& state) -> std::optional<AskedQuestion> {
     AskedQuestion asked;
@@ -121,11 +123,13 @@ InterviewStep further_step(const InterviewWorld& world) {
       asked.question.options.push_back(
           {one.name, one.title + " (" + kind + ")" + (found ? ", which has answered" : "")});
     }
+    // "none" alone is no choice: the question is left out.
     if (asked.question.options.size() == 1) return std::nullopt;
     asked.accept = [&world, all](InterviewState& at, const std::string& word) {
       if (word == "none") return std::string();
       const auto file = std::find_if(
           all.begin(), all.end(), [&](const InstrumentSummary& one) { return one.name == word; });
+      // The same question again behind the name, until the answer is "none".
       at.next({role_name_step(world, *file), further_step(world)});
       return std::string();
     };
