@@ -253,7 +253,11 @@ IdentifiedFall identify_fall(const std::vector<Fall>& falls, const Eigen::Vector
                              double lag, double longest_delay) {
   check_direction(direction);
   require(not_negative(lag), "lag: must be at least 0 s");
+  require(std::isfinite(longest_delay) && longest_delay > 0, "longest_delay: must be above 0 s");
   require(!falls.empty(), "falls: one and more are wanted");
+  for (const Fall& fall : falls)
+    require(std::isfinite(fall.off) && std::isfinite(fall.on) && fall.off < fall.on,
+            "falls: off and on must be numbers, off the earlier one");
   const std::vector<FallRow> rows = rows_of(falls, direction);
   const auto count = static_cast<Eigen::Index>(rows.size());
   const auto columns = static_cast<Eigen::Index>(2 * falls.size() + 1);

@@ -26,7 +26,7 @@ struct DrivenMotion {
 };
 
 /// A number and how well it is known. `sigma` is of this stretch's noise and of what the model of
-/// the motion leaves; it is at least a tenth of what a sample's residual is worth.
+/// the motion leaves.
 struct Identified {
   double value = 0;
   double sigma = 0;

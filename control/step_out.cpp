@@ -119,6 +119,7 @@ void StepOutWatch::recovered() {
 }
 
 void StepOutWatch::reset() {
+  settled_ = false;
   window_.clear();
   response_ = {};
   learnt_ = 0;

@@ -271,10 +271,11 @@ std::map<std::string, std::string> read_choices(TableReader& reader) {
     const auto code = table->value(name);
     if (const auto* text = std::get_if<std::string>(&*code))
       choices[name] = *text;
-    else if (const auto* number = std::get_if<double>(&*code))
+    else if (const auto* number = std::get_if<double>(&*code);
+             number != nullptr && *number == std::floor(*number))
       choices[name] = std::to_string(std::llround(std::clamp(*number, -1e15, 1e15)));
     else
-      table->fail(name, "must be what the instrument calls it");
+      table->fail(name, "must be what the instrument calls it: a text, or a whole number");
   }
   if (choices.empty())
     for (const std::string& name : reader.texts("choices")) choices[name] = name;

@@ -53,7 +53,7 @@ class FieldRotor {
   bool busy_ = false;  // a set-point is on its way
   bool limited_ = false;
   double interval_;
-  double phase_ = 0;            // rad, at phase_time_
+  double phase_ = 0;            // rad, of the last set-point
   std::optional<Time> last_{};  // of a set-point
   std::exception_ptr error_;
   Signal changed_;

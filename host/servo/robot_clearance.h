@@ -58,7 +58,7 @@ class RobotClearance {
   double felt_lens_ = 0;    // m
 };
 
-/// "0.12 mm from the retina (0.35 mm, give or take 0.23 mm)"
+/// "0.35 mm from the retina (±0.23 mm)", or "0.12 mm inside the lens".
 std::string clearance_text(const control::Clearance& clearance);
 
 }  // namespace vitreo

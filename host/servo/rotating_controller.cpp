@@ -3,6 +3,7 @@
 
 #include "control/robots.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
@@ -116,13 +117,14 @@ bool RotatingController::take(double now, const control::PositionMeasurement& me
   if (last_ && measured.time <= last_->time) return false;
   control::PositionMeasurement sound = measured;
   sound.covariance += kMeasurementFloor * kMeasurementFloor * Eigen::Matrix3d::Identity();
-  if (!sound.covariance.allFinite()) return false;
+  // A Cholesky factor exists exactly for a positive definite matrix.
+  if (Eigen::LLT<Eigen::Matrix3d>(sound.covariance).info() != Eigen::Success) return false;
   if (!estimator_) tune(now, sound);
-  const bool used = estimator_->measure(sound);
+  if (!estimator_->measure(sound)) return false;
   watch(sound, step);
   last_ = sound;
   position_ = sound.position;
-  return used;
+  return true;
 }
 
 /// The delay is the coils'; what lags behind it is the robot's axis, the coils' own lag being made
@@ -320,6 +322,7 @@ void RotatingController::spin(const Eigen::Vector3d& axis, double frequency) {
   spin_ = Spin{axis, frequency};
   watch_.recovered();
   step_outs_ = 0;
+  state_.unresponsive = false;
 }
 
 /// What the filter learnt of a robot that was spun, stepped out perhaps, is no use for steering.
@@ -337,6 +340,8 @@ void RotatingController::reset() {
   estimator_.reset();
   tuning_.reset();
   watch_.reset();
+  step_outs_ = 0;
+  state_.unresponsive = false;
   commands_.clear();
   last_.reset();
   changes_ = {};

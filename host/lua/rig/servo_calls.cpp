@@ -12,6 +12,7 @@
 #include "host/servo/servo.h"
 #include "host/text/units.h"
 
+#include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -190,6 +191,12 @@ control::Trajectory way_of(Call& call) {
   return control::Trajectory::waypoints(points_at(call.L, at, "points"), motion_limits(call));
 }
 
+/// Before the loop is told anything: a law that cannot turn the robot refuses the whole motion.
+void check_turn(const Servo& servo, bool wanted) {
+  if (wanted && servo.rotation())
+    throw std::invalid_argument("direction: the law \"rotating\" steers by the axis itself");
+}
+
 }  // namespace
 
 int servo_calls::position(Call& call) {
@@ -336,6 +343,7 @@ int servo_calls::let_fall(Call& call) {
   const auto servo = servo_of(call);
   const double duration = call.number(0);
   throw_if_troubled(*servo);
+  call.check_can_wait();
   servo->let_fall(duration);
   Wait wait =
       servo_wait(servo, [servo](const ServoStatus&) { return servo->last_fall().has_value(); });
@@ -383,6 +391,7 @@ int servo_calls::go_to(Call& call) {
   const double way = std::max(path.duration(), turn ? turn->duration() : 0);
   const double timeout = call.number_option("timeout").value_or(2 * way + 20);
   call.check_can_wait();
+  check_turn(*servo, turn.has_value());
   servo->follow(path);
   if (turn) servo->turn(*turn);
   // A copy of `arrival` goes into the wait and counts there; the one in `finish` has the limits.
@@ -406,6 +415,7 @@ int servo_calls::follow(Call& call) {
   const double timeout = call.number_option("timeout").value_or(2 * path.duration() + 20);
   const auto turn = turns_of(call, *servo);
   call.check_can_wait();
+  check_turn(*servo, turn.has_value());
   servo->follow(path, static_cast<int>(call.number_option("pictures").value_or(0)));
   if (turn) servo->turn(*turn);
   Context& context = call.context();

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 
 namespace vitreo {
 namespace {
@@ -34,7 +35,11 @@ bool is_taken(const RigDraft& draft, const std::string& name) {
 /// What it measures, or its kind; counted from 2 where that is there already.
 std::string usual_name(const RigDraft& draft, const InstrumentSummary& file) {
   std::string word = file.measures.empty() ? file.kind : file.measures;
-  std::replace(word.begin(), word.end(), ' ', '_');
+  // As check_role_name() has it: "pH" becomes "ph".
+  for (char& c : word)
+    c = std::isalnum(static_cast<unsigned char>(c)) != 0
+            ? static_cast<char>(std::tolower(static_cast<unsigned char>(c)))
+            : '_';
   std::string name = word;
   for (int i = 2; is_taken(draft, name); ++i) name = word + std::to_string(i);
   return name;
