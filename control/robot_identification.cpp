@@ -183,6 +183,16 @@ std::vector<FallRow> rows_of(const std::vector<Fall>& falls, const Eigen::Vector
   return rows;
 }
 
+/// m, rms: of the commanded motion what is no start, drift or slope; the rest tells the gain.
+/// Commands that look like a drift tell nothing of it, however large they are: what the other
+/// columns cannot make is what the fit has to see against its residuals (Frisch, Waugh, Lovell).
+double excitation(const Eigen::VectorXd& times, const Eigen::VectorXd& away,
+                  const Eigen::VectorXd& commanded) {
+  Eigen::MatrixXd others(times.size(), 3);
+  others << Eigen::VectorXd::Ones(times.size()), (times.array() - times.mean()).matrix(), away;
+  return std::sqrt(solve(others, commanded).squares / static_cast<double>(times.size()));
+}
+
 }  // namespace
 
 void DrivenMotion::check() const {
@@ -234,14 +244,8 @@ IdentifiedResponse identify_response(const DrivenMotion& motion, const Eigen::Ve
   found.gain = parameter(kGain);
   found.drift = parameter(kDrift);
   found.residual = std::sqrt(best.squares / static_cast<double>(count));
-  // Of the commanded motion what is no start, drift or slope: the rest tells the gain.
-  Eigen::MatrixXd others(count, kGain);
-  others << Eigen::VectorXd::Ones(count), (times.array() - times.mean()).matrix(), away;
-  // Commands that look like a drift tell nothing of the gain, however large they are: what the
-  // other columns cannot make is what the fit has to see against its residuals (Frisch, Waugh,
-  // Lovell).
-  const LinearFit told = solve(others, commanded_motion(motion, direction, found.delay.value));
-  found.excitation = std::sqrt(told.squares / static_cast<double>(count));
+  found.excitation =
+      excitation(times, away, commanded_motion(motion, direction, found.delay.value));
   if (!(found.excitation > 3 * found.residual))
     throw std::domain_error("the commands moved the robot too little to tell its response");
   return found;

@@ -15,8 +15,15 @@ namespace vitreo::control {
 namespace {
 
 Robot sphere(double radius) {
-  return {"sphere", radius, radius, 4.0 / 3.0 * std::numbers::pi * std::pow(radius, 3),
-          7500,     9.55e5, 0,      true};
+  return {"sphere",
+          BodyShape::sphere,
+          radius,
+          radius,
+          4.0 / 3.0 * std::numbers::pi * std::pow(radius, 3),
+          7500,
+          9.55e5,
+          0,
+          true};
 }
 
 std::string complaint(const Robot& robot) {

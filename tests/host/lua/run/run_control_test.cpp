@@ -315,7 +315,7 @@ constexpr std::array kWaysToGoOn{
 
 TEST_F(RunControlTest, NothingThatAScriptDoesCompletesARunThatTrippedOrWasStopped) {
   for (const WhatHappened& what : kTrips) {
-    for (const std::string& way : kWaysToGoOn) {
+    for (const char* const way : kWaysToGoOn) {
       std::string body = way;
       body.replace(body.find('@'), 1, what.trip);
       const RunResult result = run(body);
@@ -385,7 +385,9 @@ TEST_F(RunControlTest, HundredsOfSilentClientsDoNotShutAStopOut) {
   std::vector<std::unique_ptr<SilentClient>> silent;
   for (int i = 0; i < 500; ++i) {
     silent.push_back(std::make_unique<SilentClient>(control_socket_path(name)));
-    if (i % 100 == 0) EXPECT_TRUE(control_run(name, {{"do", "status"}})["ok"]) << i;
+    if (i % 100 == 0) {
+      EXPECT_TRUE(control_run(name, {{"do", "status"}})["ok"]) << i;
+    }
   }
   EXPECT_TRUE(control_run(name, {{"do", "stop"}})["ok"]);
   EXPECT_EQ(lone.control.tier(), StopTier::stop);
