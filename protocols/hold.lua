@@ -100,7 +100,8 @@ local function hold(run, servo, p, aligned)
 end
 
 local function square(run, servo, p)
-  local corners = paths.rectangle { width = p.width, depth = p.depth }
+  -- 0.3 mm up: as in servo_square, the lower corners keep the margin from the retina.
+  local corners = paths.rectangle { width = p.width, depth = p.depth, center = vector(0, 0, 0.3 * mm) }
   servo:go_to(corners[1], { within = 1 * mm, settle = 0, timeout = 60 * s })
   run:wait(p.settle)
   local span = { from = run:now() }

@@ -12,7 +12,8 @@ local retina = require "calibration.retina"
 local statistics = require "analysis.statistics"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
-local center = vector(0, 0, 0)
+-- 0.3 mm up: at the lower corners the body then keeps the margin from the retina, with all that one view leaves in doubt.
+local center = vector(0, 0, 0.3 * mm)
 
 -- A view put right on the retina, with a loop of its own, which ends here.
 local function calibrated_view(rig, run, background, p, axis, doubt, shown)

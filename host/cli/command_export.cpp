@@ -38,6 +38,8 @@ std::vector<ExportFormat> formats_of(const std::vector<std::string>& words) {
 
 }  // namespace
 
+void check_export_formats(const std::vector<std::string>& words) { formats_of(words); }
+
 int export_command(const std::filesystem::path& folder, const ExportRequest& request,
                    std::ostream& out) {
   const std::vector<ExportFormat> formats = formats_of(request.formats);

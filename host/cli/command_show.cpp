@@ -9,6 +9,7 @@
 #include "host/record/recorder.h"
 #include "host/runs/results_text.h"
 #include "host/runs/run_reader.h"
+#include "host/text/columns.h"
 #include "host/text/markup.h"
 #include "host/text/terminal_text.h"
 
@@ -80,6 +81,15 @@ void print_labels(const char* what, const nlohmann::json& labels, std::ostream& 
     out << fmt::format("{:<9} {} = {}\n", what, for_terminal(name), for_terminal(text_of(value)));
 }
 
+/// As the report has it: "um" as a script writes it is read as µm.
+Table in_print(Table table) {
+  table.title = with_print_units(table.title);
+  for (std::string& cell : table.header) cell = with_print_units(cell);
+  for (auto& row : table.rows)
+    for (std::string& cell : row) cell = with_print_units(cell);
+  return table;
+}
+
 /// In columns as wide as their widest cell.
 void print(const Table& table, std::ostream& out) {
   std::vector<std::size_t> widths;
@@ -122,7 +132,7 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
     for (const auto& [name, value] : data.start.parameters.items())
       out << fmt::format("  {:<26} {}\n", name, parameter_text(data.start, name, value));
   out << results_text(data.results);
-  for (const Table& table : data.tables) print(table, out);
+  for (const Table& table : data.tables) print(in_print(table), out);
   for (const Stream& stream : data.streams)
     out << fmt::format("stream {:<21} {} samples, {} channels, {}\n", stream.info.name,
                        stream.times.size(), stream.info.channels.size(), stream.info.source);

@@ -44,6 +44,8 @@ struct ExportRequest {
   bool replace = false;              // what is there already
   bool json = false;
 };
+/// Throws ConfigError for no format, and for one that there is not.
+void check_export_formats(const std::vector<std::string>& words);
 /// All of the formats or, after an error, none of them.
 int export_command(const std::filesystem::path& folder, const ExportRequest& request,
                    std::ostream& out);

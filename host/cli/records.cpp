@@ -120,6 +120,7 @@ void add_records(CommandLine& line, Program& program) {
   report.examples({"vitreo report last", "vitreo report last --plots figures",
                    "vitreo report last --plots figures --png"});
   Command exported = add_one("export", "a run in the formats of other programs", [wanted, &w] {
+    check_export_formats(w.formats);  // before a run is looked for
     return export_command(w.folder(), {w.formats, w.into, w.replace, w.json}, std::cout);
   });
   exported.option("--as", wanted->formats, "formats, with commas: csv,mcap,tiff,ome,mkv,hdf5")

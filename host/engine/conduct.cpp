@@ -220,6 +220,21 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
   return judge(script, session.control);
 }
 
+/// Again on every exit: the first may have failed, and clean-up may have energized something since.
+/// An instrument whose cable was out is tried until it is back, for half a second; then the
+/// guardian goes on. Returns what failed last.
+std::vector<std::string> make_safe_in_time(RunStage& stage) {
+  constexpr Time kPatience = std::chrono::milliseconds(500), kPause = std::chrono::milliseconds(50);
+  const StopShield shield(*stage.clock);
+  const Time until = stage.clock->now() + kPatience;
+  std::vector<std::string> failures = stage.rig->make_safe();
+  while (!failures.empty() && stage.clock->now() < until) {
+    stage.clock->sleep_for(kPause);
+    failures = stage.rig->make_safe();
+  }
+  return failures;
+}
+
 /// Everything to its safe state, each device on its own; what failed is an event, and no run of
 /// that kind is completed. Returns the script's location at its end.
 std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
@@ -235,9 +250,7 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
   // Failures of the safe state that an abort or the watchdog has brought about already.
   for (const std::string& failure : session.control.failures())
     stage.recorder->event(stage.clock->now(), "unsafe", failure);
-  // Again on every exit: the first may have failed, and clean-up may have energized something
-  // since.
-  for (const std::string& failure : stage.rig->make_safe()) {
+  for (const std::string& failure : make_safe_in_time(stage)) {
     stage.recorder->event(stage.clock->now(), "unsafe", failure);
     if (verdict.outcome == Outcome::completed)
       verdict = {Outcome::aborted,

@@ -134,9 +134,7 @@ class WhatThePageShows(unittest.TestCase):
                 if name in interface or value in (None, []):
                     continue
                 seen.add(name)
-                if name == "retina_distance":
-                    self.assertIn(value, [row["retina_distance"] for row in servo])
-                elif name == "target_px":
+                if name == "target_px":
                     self.assertIn(tuple(value), [(row["target_u_px"], row["target_v_px"]) for row in servo])
                 elif name == "field":
                     fields = [tuple(row[f"field_{axis}"] for axis in "xyz") for row in command if row["field_x"] is not None]
@@ -149,7 +147,7 @@ class WhatThePageShows(unittest.TestCase):
                         self.assertTrue(any(alarm["text"] in text for text in texts))
                 else:
                     self.fail(f"status.{name} is shown and not known to be recorded")
-        self.assertLessEqual({"retina_distance", "target_px", "field"}, seen)
+        self.assertLessEqual({"target_px", "field"}, seen)
 
     def test_what_was_read_back_after_the_end_is_recorded(self):
         rests = [message["rest"] for message in self.shown if message.get("rest")]

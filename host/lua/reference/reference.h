@@ -32,7 +32,7 @@ const Class* find_class(const Library& library, const std::string& name);
 inline constexpr const char* kExampleNames =
     "local units = require \"units\"\n"
     "local m, cm, mm, um, nm = units.m, units.cm, units.mm, units.um, units.nm\n"
-    "local s, ms, mT, A, deg = units.s, units.ms, units.mT, units.A, units.deg\n";
+    "local s, ms, mT, A, deg, Hz = units.s, units.ms, units.mT, units.A, units.deg, units.Hz\n";
 /// The name of a handle in examples: "rig.stage", "servo", "eye".
 std::string handle_name(const std::string& kind);
 /// A call that could stand in a script: the row's own, or one made from its arguments' types, units

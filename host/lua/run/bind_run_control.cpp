@@ -252,7 +252,8 @@ std::vector<Binding> run_control_rows() {
        "says that what happened is part of this run; else a run in which it did ends aborted, "
        "whatever the script returns",
        accept,
-       "pcall(run.accept, run, \"interlock\", \"the limit is what this run tries\")"},
+       "run:defer(function() pcall(run.accept, run, \"interlock\", \"the limit is what is tried\") "
+       "end)"},
       {"stop",
        {reason_argument()},
        "",

@@ -55,7 +55,8 @@ TEST_F(Usb3103BadDay, SaysOfAnOpeningThatFailedWhichZerosWereSentAndThatNoneIsCo
   cable.writes_left = -1;
   bench.answer_with(kMemoryRead, {{0x30, 0, 0, 0x80}});
   EXPECT_EQ(said(),
-            "coils: its calibration is cut short; zeros were sent to its outputs, and it has no "
+            "coils: its calibration is cut short: \"0\\x00\\x00\\x80\"; zeros were sent to its "
+            "outputs, and it has no "
             "read-back to confirm them (protocol)");
 }
 

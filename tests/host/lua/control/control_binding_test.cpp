@@ -58,7 +58,7 @@ TEST_F(ControlBinding, AllocationMakesWhatWasWantedAndTheFieldSaysSo) {
       "local robot = control.robot { name = 'ndfeb_cylinder_1mm' } "
       "assert(math.abs(robot.net_weight - "
       "12.6e-6) < 0.2e-6)\n"
-      "assert(#control.robots() == 4)");
+      "assert(#control.robots() == 5)");
   EXPECT_EQ(end.error, "");
 }
 

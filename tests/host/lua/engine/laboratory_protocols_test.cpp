@@ -31,8 +31,9 @@ std::string laboratory_for(const ProtocolDescription& protocol) {
 /// folder to train with or the robot's true place.
 const std::map<std::string, std::string> kMissing{
     {"track_sequence", "images: is missing"},
-    {"swim_path", "\"helix\" is for a helical robot"},
-    {"swim_frequency", "\"helix\" is for a helical robot"},
+    {"dock", "pose_sensor needs that role, and this rig has none"},
+    {"swim_path", "pose_sensor needs that role, and this rig has none"},
+    {"swim_frequency", "pose_sensor needs that role, and this rig has none"},
     {"select_colors", "pose_sensor needs that role, and this rig has none"}};
 const std::set<std::string> kSimulatedOnly{"gel_step", "push_discs", "track_in_eye",
                                            "track_occluded"};

@@ -141,7 +141,13 @@ local function shown(...)
   local words = {}
   for i = 1, select("#", ...) do
     local value = select(i, ...)
-    words[i] = type(value) == "table" and "{" .. table.concat(value, ",") .. "}" or tostring(value):gsub("^.-:%d+: ", "")
+    if type(value) == "table" then
+      local parts = {}
+      for k = 1, 20 do parts[k] = tostring(value[k]) end
+      words[i] = table.concat(parts, ",")
+    else
+      words[i] = tostring(value):gsub("^.-:%d+: ", "")
+    end
   end
   return table.concat(words, "|")
 end

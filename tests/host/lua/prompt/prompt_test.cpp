@@ -46,9 +46,10 @@ TEST_F(Prompt, AStopEndsTheStatementOnly) {
 
 TEST_F(Prompt, HelpComesFromTheBindings) {
   expect_all(prompt("help()\n"), {"servo: the servo loop", "run: this run", "units.mm"});
-  expect_all(
-      prompt("help('servo')\n"),
-      {"servo:go_to(position, {speed, acceleration, within, settle, timeout})", "servo:close()"});
+  expect_all(prompt("help('servo')\n"), {"servo:go_to(position, {speed, acceleration, within, "
+                                         "settle, timeout, within_angle, direction, "
+                                         "turn_speed})",
+                                         "servo:close()"});
   expect_all(prompt("help(rig.coils)\n"), {"coils:set_currents(currents)"});
   expect_all(prompt("help('servo:go_to')\n"),
              {"within: a number in m, 1 \u00b5m to 10 mm, may be left out; how near is there"});
