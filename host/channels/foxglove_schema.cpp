@@ -28,12 +28,15 @@ struct Choice {
   std::vector<const char*> names;
 };
 
+/// Enumerations of the schemas, by the numbers that @foxglove/schemas gives them.
 const std::map<std::string, Choice, std::less<>> kChoices{
     {"LogLevel", {0, {"UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL"}}},
     {"LineType", {0, {"LINE_STRIP", "LINE_LOOP", "LINE_LIST"}}},
     {"PointsAnnotationType", {0, {"UNKNOWN", "POINTS", "LINE_LOOP", "LINE_STRIP", "LINE_LIST"}}},
     {"SceneEntityDeletionType", {0, {"MATCHING_ID", "ALL"}}}};
 
+/// Fields in the order of @foxglove/schemas (npm), with which a test compares the schemas made of
+/// them; "bytes" are base64 in JSON.
 const std::map<std::string, Fields, std::less<>> kShapes{
     {"Vector3", {{"x", kNumber}, {"y", kNumber}, {"z", kNumber}}},
     {"Point3", {{"x", kNumber}, {"y", kNumber}, {"z", kNumber}}},
@@ -164,6 +167,7 @@ const std::map<std::string, Fields, std::less<>> kShapes{
 
 /// {"sec", "nsec"} of a time since 1970, or of a duration.
 json moment(const char* title, bool since_1970) {
+  // A duration may be negative; a time is not, as readers take it for unsigned.
   json sec = {{"type", "integer"}};
   if (since_1970) sec["minimum"] = 0;
   const json nsec = {{"type", "integer"}, {"minimum", 0}, {"maximum", 999999999}};
@@ -175,9 +179,11 @@ json schema_of(std::string_view type) {
   if (type == "time") return moment("time", true);
   if (type == "duration") return moment("duration", false);
   if (type == "bytes") return {{"type", "string"}, {"contentEncoding", "base64"}};
+  // uint32 in the schemas' source, which JSON Schema has no word for.
   if (type == kCount) return {{"type", "integer"}, {"minimum", 0}};
   const std::string title = "foxglove." + std::string(type);
   if (const auto found = kChoices.find(type); found != kChoices.end()) {
+    // oneOf with const and title: readers show the title of the number that was sent.
     json alternatives = json::array();
     int number = found->second.first;
     for (const char* name : found->second.names)
@@ -185,9 +191,11 @@ json schema_of(std::string_view type) {
     return {{"title", title}, {"oneOf", alternatives}};
   }
   const auto shape = kShapes.find(type);
+  // A plain type of JSON: "number", "string", "boolean".
   if (shape == kShapes.end()) return {{"type", std::string(type)}};
   json properties = json::object();
   json required = json::array();
+  // All are required but those with a question mark: some readers refuse a message that lacks one.
   for (const auto& [name, kind] : shape->second) {
     const bool optional = *kind == '?';
     properties[name] = schema_of(optional ? kind + 1 : kind);
@@ -205,6 +213,7 @@ json foxglove_schema(const std::string& name) {
 }
 
 std::uint64_t UtcClock::ns(Time time) const {
+  // Unsigned in MCAP and in the protocol: a run with a zero before 1970 would wrap around.
   return static_cast<std::uint64_t>(std::max<std::int64_t>(0, t0_ + time.count()));
 }
 

@@ -40,10 +40,12 @@ nlohmann::json results_of(const std::vector<RunData>& runs) {
 }
 
 int compare(const CompareWords& wanted) {
+  // Beyond that the columns of a page and the colors of a plot cannot be told apart.
   if (wanted.runs.size() < 2 || wanted.runs.size() > kMostCompared)
     throw ConfigError(
         fmt::format("compare: wants 2 to {} runs; got {}", kMostCompared, wanted.runs.size()));
   std::vector<RunData> runs;
+  // All are read before anything is written: one that cannot be read leaves no page behind.
   for (const std::string& word : wanted.runs)
     runs.push_back(read_run(find_run(word, wanted.parent)));
   write_file(wanted.page, comparison_html(runs));
@@ -51,6 +53,7 @@ int compare(const CompareWords& wanted) {
     std::cout << comparison_text(runs) << "page: " << wanted.page << "\n";
     return 0;
   }
+  // By the folders' names: what is passed on has no paths of this machine.
   const RunComparison made = compare_runs(runs);
   nlohmann::json folders = nlohmann::json::array();
   for (const RunData& run : runs) folders.push_back(run.folder.filename().string());

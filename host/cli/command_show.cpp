@@ -27,6 +27,7 @@ namespace {
 // Names, units and counts only: the samples themselves are what `vitreo export` is for.
 nlohmann::json streams_of(const RunData& data) {
   nlohmann::json list = nlohmann::json::array();
+  // The meaning of a channel is in the record itself since schema 5; empty in older ones.
   for (const Stream& stream : data.streams) {
     nlohmann::json channels = nlohmann::json::array();
     for (const Channel& channel : stream.info.channels)
@@ -56,6 +57,7 @@ nlohmann::json json_of(const RunData& data, const RunHead& head) {
   json["devices"] = data.start.devices;
   json["files"] = data.start.files;
   json["protocol_hash"] = sha256(data.start.protocol_text);
+  // Scripts that the protocol required: a change in one of them is a change of the run.
   json["modules"] = nlohmann::json::object();
   for (const Module& module : data.modules) json["modules"][module.name] = sha256(module.text);
   json["record_version"] = data.version;

@@ -225,9 +225,11 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
 /// guardian goes on. Returns what failed last.
 std::vector<std::string> make_safe_in_time(RunStage& stage) {
   constexpr Time kPatience = std::chrono::milliseconds(500), kPause = std::chrono::milliseconds(50);
+  // Not even a stop cuts this short: what is energized goes to zero first.
   const StopShield shield(*stage.clock);
   const Time until = stage.clock->now() + kPatience;
   std::vector<std::string> failures = stage.rig->make_safe();
+  // Each instrument opens its link anew, where that is what it takes.
   while (!failures.empty() && stage.clock->now() < until) {
     stage.clock->sleep_for(kPause);
     failures = stage.rig->make_safe();

@@ -33,6 +33,7 @@ void end_process(int number) noexcept {
 
 // In a signal handler: RunControl::request_by_signal() is async-signal-safe.
 extern "C" void on_signal(int number, siginfo_t* info, void*) {
+  // The outputs are safe by then, and what is left to do is bounded.
   if (phase == SignalPhase::closing) return;
   RunControl* const control = attached_control();
   const bool running = phase == SignalPhase::running && control != nullptr;
@@ -41,6 +42,7 @@ extern "C" void on_signal(int number, siginfo_t* info, void*) {
   // Of the terminal's own the kernel is the sender.
   const bool sent = info != nullptr && (info->si_code == SI_USER || info->si_code == SI_QUEUE ||
                                         info->si_code == SI_TKILL);
+  // Tier by tier, whichever of the signals it is.
   const StopTier asked = asked_by(number, before);
   if (running) return control->request_by_signal(number, sent ? info->si_pid : 0, asked);
   if (early == StopTier::none) early_number = number;
@@ -60,10 +62,12 @@ InterruptScope::InterruptScope() {
 }
 
 InterruptScope::~InterruptScope() {
+  // The process that prints the report afterwards can be ended as any other.
   for (const int number : kSignals) signal(number, SIG_DFL);
 }
 
 void InterruptScope::begin(RunControl& control) {
+  // In this order: a signal between the two lines goes to the control itself.
   phase = SignalPhase::running;
   if (const StopTier asked = early; asked != StopTier::none)
     control.request_by_signal(early_number, early_sender, asked);

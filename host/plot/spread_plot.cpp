@@ -20,6 +20,8 @@ constexpr double kBeside = 5.0;  // px by which series stand beside each other, 
                                  // cover each other
 constexpr const char* kRule = "#E7EAED";
 
+/// SI of one of it: data come in SI, axes are in the unit of the plot. Throws
+/// std::invalid_argument.
 double factor_of(const std::string& symbol) {
   const auto unit = find_unit(symbol);
   if (!unit) throw std::invalid_argument("'" + symbol + "' is not a unit");
@@ -36,17 +38,21 @@ class SpreadDrawer {
         x_factor_(factor_of(plot.x.unit)),
         y_factor_(factor_of(plot.y.unit)) {
     for (const SpreadSeries& one : plot.series) {
+      // Columns are read by index below.
       if (one.x.size() != one.middle.size() || one.x.size() != one.low.size() ||
           one.x.size() != one.high.size())
         throw std::invalid_argument("series \"" + one.label + "\" has columns of unequal length");
+      // The legend is that of a plot of lines: only labels and pens are needed of it.
       labels_.push_back({one.label, {}, {}, Mark::line});
     }
     legend_.series = labels_;
     double legend_height = 0;
+    // The legend takes what it needs above the box before the box is laid out.
     const bool legend = has_legend(legend_);
     if (legend) legend_places(legend_, width - 84.0, &legend_height);
     box_ = {66, 34 + (legend ? legend_height : 0), 0, 0};
     box_.width = width - box_.left - 16;
+    // Ticks, the axis' title and, where there is one, a line for the note.
     box_.height = height - box_.top - (plot.note.empty() ? 48 : 66);
     find_ranges();
   }
@@ -55,11 +61,13 @@ class SpreadDrawer {
     std::string svg = open_svg(width_, height_, plot_.title);
     svg += text_svg(box_.left, 21, fitted(plot_.title, 13.5, width_ - box_.left - 12),
                     {13.5, "start", kInk, " font-weight=\"600\""});
+    // What is painted later lies above: rules, bars and lines, and the marks last.
     svg += axes();
     const std::vector<Pen> pens = pens_for(labels_);
     for (std::size_t i = 0; i < plot_.series.size(); ++i)
       svg += series(
           plot_.series[i], pens[i],
+          // Symmetric about the place: an odd number of series has one that stands on it.
           kBeside * (static_cast<double>(i) - (static_cast<double>(plot_.series.size()) - 1) / 2));
     if (has_legend(legend_)) svg += legend(pens);
     if (!plot_.note.empty())
@@ -76,13 +84,16 @@ class SpreadDrawer {
     Range y;
     for (const SpreadSeries& one : plot_.series)
       for (std::size_t i = 0; i < one.x.size(); ++i) {
+        // What is not a number leaves a gap and no trace in the range.
         if (drawable(one.x[i])) x.include(one.x[i] / x_factor_);
         for (const double value : {one.middle[i], one.low[i], one.high[i]})
           if (drawable(value)) y.include(value / y_factor_);
       }
+    // Named steps stand at 0, 1, 2 and so on, whatever their values.
     x_ = plot_.steps.empty() ? padded(widened(x), 0.08, false)
                              : Range{-0.5, static_cast<double>(plot_.steps.size()) - 0.5};
     y_ = padded(widened(y), 0.06, true);
+    // A tick about every 45 px of height and 80 px of width can be read without touching.
     y_ticks_ = make_ticks(y_, nice_step(y_.span(), box_.height / 45));
     if (plot_.steps.empty()) x_ticks_ = make_ticks(x_, nice_step(x_.span(), box_.width / 80));
     for (std::size_t i = 0; i < plot_.steps.size(); ++i) {
@@ -99,6 +110,7 @@ class SpreadDrawer {
   std::string axes() const {
     std::string svg;
     for (std::size_t i = 0; i < y_ticks_.at.size(); ++i) {
+      // On whole pixels a line of 1 px is sharp.
       const double y = crisp(py(y_ticks_.at[i]));
       svg += line_svg(box_.left, y, box_.right(), y, kRule) +
              text_svg(box_.left - 7, y + 4, y_ticks_.labels[i], {11, "end", kSoftInk, ""});
@@ -110,7 +122,9 @@ class SpreadDrawer {
     for (const std::string& label : x_ticks_.labels) longest = std::max(longest, label.size());
     const double room =
         box_.width / static_cast<double>(std::max<std::size_t>(x_ticks_.at.size(), 1));
+    // 6.4 px is the mean width of a letter of 11 px; SVG gives no measure of text.
     const double wanted = 6.4 * static_cast<double>(std::min<std::size_t>(longest, 14)) + 8;
+    // Every second, third and so on: the labels that stay are evenly spaced.
     const auto every = static_cast<std::size_t>(std::ceil(wanted / room));
     for (std::size_t i = 0; i < x_ticks_.at.size(); i += every) {
       const double x = crisp(px(x_ticks_.at[i]));
@@ -138,6 +152,7 @@ class SpreadDrawer {
     std::string bars;
     std::string marks;
     for (std::size_t i = 0; i < one.x.size(); ++i) {
+      // A gap breaks the line: nothing is drawn across what was not measured.
       if (!drawable(one.middle[i]) || !drawable(one.x[i])) {
         strokes.emplace_back();
         continue;
@@ -149,6 +164,7 @@ class SpreadDrawer {
           "<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"3.2\" fill=\"#FFFFFF\" "
           "stroke=\"{}\" stroke-width=\"1.6\"/>",
           x, y, pen.color);
+      // One repeat has no spread: a cap alone would look like a very small one.
       if (!drawable(one.low[i]) || !drawable(one.high[i]) || one.low[i] == one.high[i]) continue;
       const double top = py(one.high[i] / y_factor_);
       const double bottom = py(one.low[i] / y_factor_);
@@ -157,6 +173,7 @@ class SpreadDrawer {
           "{2:.1f}V{3:.1f}\" stroke=\"{5}\" stroke-width=\"1.2\" fill=\"none\"/>",
           x - kCap, x + kCap, top, bottom, x, pen.color);
     }
+    // Gaps side by side leave strokes without a point.
     std::erase_if(strokes, [](const Stroke& stroke) { return stroke.empty(); });
     return bars + series_svg(strokes, pen) + marks;
   }
@@ -164,6 +181,7 @@ class SpreadDrawer {
   std::string legend(const std::vector<Pen>& pens) const {
     double height = 0;
     const std::vector<PlotPoint> places = legend_places(legend_, box_.width, &height);
+    // The height is asked again: the places depend on the width that the box has got.
     const double top = box_.top - height + 4;
     std::string svg;
     for (std::size_t i = 0; i < labels_.size(); ++i) {

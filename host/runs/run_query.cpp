@@ -25,6 +25,7 @@ constexpr std::pair<const char*, const char*> kFields[] = {
     {"ended_by", "ended_by"}, {"rig", "rig"},   {"time", "time"},         {"date", "time"},
     {"version", "version"},   {"text", "words"}};
 
+/// A prefix says of which kind a name is, where a parameter and a result share one.
 constexpr std::pair<const char*, char> kPrefixes[] = {{"p.", 'p'},   {"parameter.", 'p'},
                                                       {"r.", 'r'},   {"result.", 'r'},
                                                       {"tag.", 't'}, {"sample.", 's'}};
@@ -46,11 +47,13 @@ struct Token {
                                 query, std::string(column, ' ')));
 }
 
+/// Letters of other alphabets are taken as they are: bytes of UTF-8 from 0x80 on.
 bool is_word(char c) {
   const auto byte = static_cast<unsigned char>(c);
   return std::isalnum(byte) != 0 || c == '_' || c == '.' || byte >= 0x80;
 }
 
+/// These three are no names; a parameter of such a name is reached by its prefix.
 bool is_keyword(const std::string& word) { return word == "and" || word == "or" || word == "not"; }
 
 /// Cuts a query into words.
@@ -79,6 +82,7 @@ class Lexer {
       return {c == '(' ? Token::Kind::open : Token::Kind::close, std::string(1, c), at};
     }
     if (c == '"' || c == '\'') return quoted(c);
+    // Signs before words: what begins with one cannot be a name.
     if (std::string_view("<>=!~").find(c) != std::string_view::npos) return operation();
     if (value) return word_or_number();
     if (!is_word(c)) fail(query_, at, fmt::format("'{}' is not understood", c));
@@ -92,6 +96,7 @@ class Lexer {
 
   Token quoted(char quote) {
     const std::size_t at = at_;
+    // No escapes: a text with one kind of quotation mark is put into the other kind.
     const std::size_t end = query_.find(quote, at + 1);
     if (end == std::string::npos) fail(query_, at, "the quotation is not closed");
     at_ = end + 1;
@@ -100,6 +105,7 @@ class Lexer {
 
   Token operation() {
     const std::size_t at = at_;
+    // The longer ones first, or "<=" would be read as "<".
     for (const char* const sign : {"<=", ">=", "!=", "==", "<", ">", "=", "~"})
       if (query_.compare(at, std::string_view(sign).size(), sign) == 0) {
         at_ += std::string_view(sign).size();
@@ -114,11 +120,13 @@ class Lexer {
     const std::string word = run_of_value();
     if (word.empty()) fail(query_, at, "wants a value");
     const std::size_t behind = at_;
+    // A number that ends with its unit already does not take the next word for one.
     if (std::isalpha(static_cast<unsigned char>(word.back())) == 0) {
       skip_blanks();
       const std::string unit = run_of_value();
       if (!unit.empty() && !is_keyword(unit) && parse_quantity(word) && find_unit(unit))
         return {Token::Kind::number, word + " " + unit, at};
+      // That was the next word of the query: "and", or a name.
       at_ = behind;
     }
     return {parse_quantity(word) ? Token::Kind::number : Token::Kind::text, word, at};
@@ -136,6 +144,8 @@ class Lexer {
   std::size_t at_ = 0;
 };
 
+/// Values stay apart from the text, in the order of their marks: nothing that was typed becomes
+/// SQL.
 SqlCondition joined(SqlCondition a, const char* word, SqlCondition b) {
   a.sql = "(" + a.sql + word + b.sql + ")";
   a.values.insert(a.values.end(), b.values.begin(), b.values.end());
@@ -170,6 +180,7 @@ class Parser {
   }
 
   SqlCondition disjunction() {
+    // "or" binds less than "and", as everywhere.
     SqlCondition left = conjunction();
     while (take_word("or")) left = joined(std::move(left), " OR ", conjunction());
     return left;
@@ -207,6 +218,7 @@ class Parser {
       fail(query_, name.at,
            name.kind == Token::Kind::end ? "a condition is missing" : "wants a name");
     const QueryName meant = named(name);
+    // A name alone asks whether a run has it.
     if (peek().kind != Token::Kind::operation) return has(meant);
     const std::string operation = take().text;
     const Token value = take();
@@ -226,6 +238,7 @@ class Parser {
 
   static SqlCondition has(const QueryName& meant) {
     if (!meant.field.empty()) return {"coalesce(" + meant.field + ", '') != ''", {}};
+    // By a list of runs and not by a join: a run with two values of one name is listed once.
     return {"id IN (SELECT run FROM all_value WHERE " + kind_sql(meant.kind) + "name = ?)",
             {meant.name}};
   }
@@ -234,8 +247,10 @@ class Parser {
                              const Token& value) const {
     if (operation == "~" || field == "words") {
       if (operation != "~" && operation != "=") fail(query_, value.at, "text: is searched by ~");
+      // instr() and not LIKE: % and _ in what was typed are letters like others.
       return {"instr(lower(" + field + "), lower(?)) > 0", {value.text}};
     }
+    // "2026-11" compares months: as much of the time as was typed.
     if (field == "time")
       return {fmt::format("substr(time, 1, {}) {} ?", value.text.size(), operation), {value.text}};
     const bool ordered = operation != "=" && operation != "!=";
@@ -244,6 +259,7 @@ class Parser {
       if (!number || !number->bare) fail(query_, value.at, "version: wants a number");
       return {"version " + operation + " ?", {number->value}};
     }
+    // Texts have no order that a person would mean.
     if (ordered) fail(query_, value.at, "is a text: compare it by =, != or ~");
     // As protocols are called: a part of the path will do.
     if (field == "protocol" || field == "rig") {
@@ -261,6 +277,7 @@ class Parser {
         "id IN (SELECT run FROM all_value WHERE " + kind_sql(meant.kind) + "name = ? AND ";
     if (operation == "~")
       return {from + "instr(lower(text), lower(?)) > 0)", {meant.name, value.text}};
+    // One name may be a number in some runs and a text in others, over the versions of a protocol.
     const std::vector<KnownValue> kinds = known_.find(meant.name, meant.kind);
     const bool texts =
         std::any_of(kinds.begin(), kinds.end(), [](const KnownValue& one) { return one.text; });
@@ -270,6 +287,7 @@ class Parser {
     const bool word = value.kind == Token::Kind::text || !fits(kinds, value);
     if (equal && (flag || (texts && word)))
       return {from + "text " + operation + " ?)", {meant.name, value.text}};
+    // In SI, as the index has its numbers; the dimension decides which of them are compared.
     const Quantity quantity = quantity_of(meant, kinds, value);
     // A comparison for equality of what was typed: 0.3mm/s is not to the bit what another parser
     // made of it.
@@ -292,6 +310,7 @@ class Parser {
   Quantity quantity_of(const QueryName& meant, const std::vector<KnownValue>& kinds,
                        const Token& value) const {
     std::set<std::string> units;
+    // Runs may have several dimensions under one name; the first one is named in the error.
     for (const KnownValue& one : kinds)
       if (!one.text) units.insert(one.unit);
     if (units.empty()) fail(query_, value.at, meant.name + " is a text: compare it by =, != or ~");

@@ -14,8 +14,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Of one run in the index: ten thousand runs stay below 100 MB.
 constexpr std::size_t kLongestWords = 8192;  // bytes
 
+/// Empty for what is none: a damaged column costs its values and not the run.
 nlohmann::json json_object_of(const std::string& text) {
   nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
   return json.is_object() ? json : nlohmann::json::object();
@@ -36,6 +38,8 @@ void read_stop(OpenRecord& record, const fs::path& folder, RunSummary& run) {
   run.head.experiment_time = stop.real(2);
   run.wall_time = stop.real(3);
   run.head.ended_by = stop.text(4);
+  // A closed record has no write-ahead log: its files do not change any more, so the index may keep
+  // what it has read.
   std::error_code error;
   run.lasting = !fs::exists(folder / "run.sqlite-wal", error);
 }
@@ -47,10 +51,12 @@ NamedValue value_of(char kind, const std::string& name, const nlohmann::json& va
     made.number = value.get<double>();
     made.unit = unit;
   } else if (value.is_boolean()) {
+    // Both: a query may ask for = true as well as for > 0.
     made.number = value.get<bool>() ? 1 : 0;
     made.text = value.get<bool>() ? "true" : "false";
   } else {
     made.text = value.is_string() ? value.get<std::string>() : dumped(value);
+    // A list keeps its unit for display; it is compared as a text.
     if (value.is_array()) made.unit = unit;
   }
   return made;
@@ -60,6 +66,7 @@ void read_start(OpenRecord& record, const fs::path& folder, RunSummary& run) {
   Statement row = record.select(
       "run", {"time", "protocol", "title", "operator", "seed", "parameters", "parameter_units",
               "json_extract(rig, '$.file')", "t0_utc_ns", "tags", "sample"});
+  // Written first of all: without it the folder is no run, or one that was cut off at once.
   if (!row.step()) throw RecordError(folder.string() + ": its start record is missing");
   RunHead& head = run.head;
   head.time = row.text(0);
@@ -74,6 +81,7 @@ void read_start(OpenRecord& record, const fs::path& folder, RunSummary& run) {
   const nlohmann::json parameters = json_object_of(row.text(5));
   for (const auto& [name, value] : parameters.items()) {
     const auto unit = units.find(name);
+    // Old records have no units of parameters.
     const bool known = unit != units.end() && unit->is_string();
     run.values.push_back(
         value_of('p', name, value, known ? si_unit(unit->get<std::string>()) : ""));
@@ -87,6 +95,7 @@ void read_start(OpenRecord& record, const fs::path& folder, RunSummary& run) {
 }
 
 void read_results(OpenRecord& record, RunSummary& run) {
+  // The name of the table in old records.
   Statement row = record.select(record.has_table("result") ? "result" : "figure",
                                 {"name", "value", "unit"}, "ORDER BY rowid");
   while (row.step())
@@ -104,6 +113,7 @@ void gather_words(OpenRecord& record, RunSummary& run) {
   for (const NamedValue& one : run.values)
     if (one.kind == 't' || one.kind == 's') run.words += one.name + " " + one.text + "\n";
   Statement notes = record.select("event", {"text"}, "WHERE kind IN ('note', 'alarm')");
+  // One more note than fits may be read: it is cut below.
   while (notes.step() && run.words.size() < kLongestWords) run.words += notes.text(0) + "\n";
   if (run.words.size() <= kLongestWords) return;
   // Not within a character of UTF-8.

@@ -43,10 +43,14 @@ LoopWatch::LoopWatch(const RigModel& model)
 // The robot's moment lies along its field, which a coil that fails changes too: what a coil does is
 // the force with it less the force without it, and not its column of the wrench.
 control::CoilMotions LoopWatch::velocities(const WatchedCommand& command) const {
+  // Outside of the model's region the field of the nearest place in it is used, as by the
+  // allocator.
   const Eigen::Vector3d known = model_.field.nearest_valid(command.position);
   const control::FieldMatrix matrix = model_.field.matrix(known);
   const control::FieldGradient background = model_.field.background(known);
   const auto force = [this](const control::FieldGradient& made) -> Eigen::Vector3d {
+    // F = (m . grad) B with m along B: the moment follows the field within milliseconds
+    //.
     const double strength = made.head<3>().norm();
     if (!(strength > 0)) return Eigen::Vector3d::Zero();
     const Eigen::Vector3d moment = model_.robot.moment(strength) / strength * made.head<3>();
@@ -54,6 +58,7 @@ control::CoilMotions LoopWatch::velocities(const WatchedCommand& command) const 
   };
   const control::FieldGradient whole = matrix * command.currents + background;
   const Eigen::Vector3d with_all = force(whole);
+  // A column a coil, m/s: what the robot would lose of its velocity without it.
   control::CoilMotions found(3, command.currents.size());
   for (Eigen::Index k = 0; k < command.currents.size(); ++k) {
     const control::FieldGradient without = whole - matrix.col(k) * command.currents[k];

@@ -120,6 +120,7 @@ bool RotatingController::take(double now, const control::PositionMeasurement& me
   // A Cholesky factor exists exactly for a positive definite matrix.
   if (Eigen::LLT<Eigen::Matrix3d>(sound.covariance).info() != Eigen::Success) return false;
   if (!estimator_) tune(now, sound);
+  // What the filter does not believe says nothing of the response either.
   if (!estimator_->measure(sound)) return false;
   watch(sound, step);
   last_ = sound;

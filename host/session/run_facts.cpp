@@ -9,6 +9,7 @@
 namespace vitreo {
 
 const std::vector<std::string>& RunFacts::kinds() {
+  // Both are events that the host writes itself, whatever the script does with the error.
   static const std::vector<std::string> kKinds{"interlock", "servo failed"};
   return kKinds;
 }
@@ -27,9 +28,11 @@ void RunFacts::accept(Time now, const std::string& kind, const std::string& reas
                     "with: {}",
                     kind, fmt::join(kinds(), ", ")));
   if (reason.empty()) throw std::invalid_argument("reason: wants a text, got an empty one");
+  // What is accepted is what has happened: nothing is accepted in advance.
   const std::vector<std::string> known = texts(kind);
   if (known.size() == accepted_[kind])
     throw std::invalid_argument("'" + kind + "' has not happened, so it cannot be accepted");
+  // By their number: an event of the same words that comes later is another one.
   accepted_[kind] = known.size();
   recorder_.event(now, "accepted", kind + ": " + reason);
 }
@@ -39,6 +42,7 @@ void RunFacts::check() const {
     const std::vector<std::string> known = texts(kind);
     const auto accepted = accepted_.find(kind);
     const std::size_t first = accepted == accepted_.end() ? 0 : accepted->second;
+    // The first of them is the reason: later ones mostly follow from it.
     if (first < known.size()) throw UnacceptedFact(kind + ": " + known[first]);
   }
 }

@@ -13,6 +13,7 @@ namespace {
 
 /// At share `p` of the way through sorted values.
 double quantile(const std::vector<double>& sorted, double p) {
+  // Linear between neighbors (Hyndman and Fan 1996, definition 7), as numpy and R have it.
   const double place = p * static_cast<double>(sorted.size() - 1);
   const auto below = static_cast<std::size_t>(place);
   const std::size_t above = std::min(below + 1, sorted.size() - 1);
@@ -27,6 +28,7 @@ void label_values(VariedColumn& varied, const std::string& dimension) {
   }
   std::vector<double> numbers;
   for (const SweepCell& value : varied.values) numbers.push_back(number_in(value));
+  // The unit is that of the whole column, so that an axis has one.
   const auto unit = column_unit(numbers, dimension);
   varied.unit = unit ? std::string(unit->symbol) : "";
   for (const double number : numbers)
@@ -42,6 +44,7 @@ void order_values(VariedColumn& varied) {
 
 /// By the text of the cell, which tells doubles apart to the last digit.
 void place_rows(const SweepTable& table, VariedColumn& varied) {
+  // Rows are told apart by this text in the table's files, too.
   std::map<std::string, std::size_t> places;
   for (std::size_t i = 0; i < varied.values.size(); ++i) places[text_in(varied.values[i])] = i;
   for (const auto& row : table.rows)
@@ -52,6 +55,7 @@ void place_rows(const SweepTable& table, VariedColumn& varied) {
 
 Spread spread_of(std::vector<double> values) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  // A point that failed leaves no number: its place in a drawing stays empty.
   if (values.empty()) return {kNone, kNone, kNone, 0};
   std::sort(values.begin(), values.end());
   return {quantile(values, 0.5), quantile(values, 0.25), quantile(values, 0.75), values.size()};
@@ -66,6 +70,7 @@ std::vector<VariedColumn> varied_columns(const SweepTable& table) {
   const std::size_t settings = settings_in(table).size();
   std::vector<VariedColumn> all;
   for (std::size_t column = 0; column < table.columns.size(); ++column) {
+    // A fixed parameter has one value, and no axis.
     if (table.columns[column].role != ColumnRole::varied) continue;
     VariedColumn varied;
     varied.column = column;
@@ -78,6 +83,8 @@ std::vector<VariedColumn> varied_columns(const SweepTable& table) {
       varied.values.push_back(row[column]);
     }
     if (varied.values.size() < 2) continue;  // a component of a vector that stays
+    // More values than half of the settings and than a grid has along one axis: they were drawn,
+    // and a cloud of points shows them.
     varied.drawn = varied.numeric && settings > 8 && 2 * varied.values.size() > settings &&
                    varied.values.size() > 12;
     order_values(varied);
@@ -97,6 +104,7 @@ bool is_completed(const SweepTable& table, std::size_t row) {
 // One pass over the rows, whatever the number of combinations.
 std::vector<std::vector<std::size_t>> group_rows(const SweepTable& table,
                                                  const std::vector<const VariedColumn*>& columns) {
+  // A group a combination, in mixed radix: the last column changes fastest.
   std::size_t count = 1;
   for (const VariedColumn* column : columns) count *= column->values.size();
   std::vector<std::vector<std::size_t>> groups(count);

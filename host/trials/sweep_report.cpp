@@ -18,6 +18,7 @@
 namespace vitreo {
 namespace {
 
+// Bounds of a page that a browser lays out at once; sweep.csv has everything.
 constexpr std::size_t kRowsShown = 200;  // of a table
 constexpr std::size_t kFailuresListed = 50;
 constexpr std::size_t kSlowest = 10;
@@ -29,6 +30,7 @@ constexpr const char* kStyle =
     ".missing { background: #8a6100; } td.n { text-align: right; white-space: nowrap; }\n"
     "th.n { text-align: right; }\n";
 
+/// A section without a body is left out with its title.
 std::string page_section(const std::string& title, const std::string& body) {
   return body.empty() ? ""
                       : "<section><h2>" + escape_markup(title) + "</h2>\n" + body + "</section>\n";
@@ -41,6 +43,7 @@ std::string plural(std::size_t count, const std::string& word) {
 /// The results in the order in which they are shown; `shown` first.
 std::vector<std::size_t> result_columns(const SweepTable& table, const std::string& shown) {
   std::vector<std::size_t> columns;
+  // Roles are of the plan: varied parameters and fixed ones are no results.
   for (std::size_t i = 0; i < table.columns.size(); ++i)
     if (table.columns[i].role == ColumnRole::result) columns.push_back(i);
   // What every run states, how long it took, comes last.
@@ -52,12 +55,14 @@ std::vector<std::size_t> result_columns(const SweepTable& table, const std::stri
   const auto first = std::find_if(columns.begin(), columns.end(), [&](std::size_t column) {
     return table.columns[column].name == shown;
   });
+  // The name comes from the command line: a misspelt one is told with what there is.
   if (first == columns.end()) {
     std::vector<std::string> known;
     for (const std::size_t column : columns) known.push_back(table.columns[column].name);
     throw ConfigError("--show: no run stated a result " + shown +
                       fmt::format("; there are {}", fmt::join(known, ", ")));
   }
+  // A rotation and not a swap: the others keep their order.
   std::rotate(columns.begin(), first, first + 1);
   return columns;
 }
@@ -67,6 +72,7 @@ std::string badge_of(const SweepTable& table) {
   std::size_t completed = 0;
   for (std::size_t row = 0; row < table.rows.size(); ++row) completed += is_completed(table, row);
   const bool all = completed == table.rows.size();
+  // Missing points are no failures: the sweep can be resumed.
   const char* const kind = all ? "completed" : table.missing > 0 ? "missing" : "failed";
   return fmt::format("<span class=\"badge {}\">{} {} of {} completed</span>", kind,
                      all ? "\u2713" : "!", completed, table.rows.size());
@@ -79,8 +85,10 @@ std::string lead_of(const SweepTable& table, const nlohmann::json& head,
   for (const VariedColumn& one : varied) text += (text.empty() ? "" : " \u00d7 ") + one.name;
   if (text.empty()) text = "seeds alone";
   text += ", " + plural(settings_in(table).size(), "setting");
+  // A plan without the key is of one repeat each.
   const std::size_t repeats = head.value("repeats", std::size_t{1});
   if (repeats > 1) text += fmt::format(", {} repeats each", repeats);
+  // How seeds were dealt decides what the spread between repeats means.
   const std::string seeds = head.value("seeds", "fresh");
   text += seeds == "fresh"    ? "; every run has a seed of its own"
           : seeds == "paired" ? "; every setting has the same seeds"
@@ -99,6 +107,7 @@ std::string report_head(const SweepTable& table, const nlohmann::json& head,
   const auto fact = [&out](const char* name, const std::string& value) {
     if (!value.empty()) out += fmt::format("<span>{} <b>{}</b></span>", name, escape_markup(value));
   };
+  // Of the plan and not of the runs: these hold for every point, also for those that never ran.
   fact("Begun", head.value("created", ""));
   fact("Protocol", protocol.value("name", ""));
   fact("Rig", head.at("rig").value("name", ""));
@@ -113,6 +122,7 @@ std::string setting_text(const SweepTable& table, const std::vector<VariedColumn
                          std::size_t row) {
   std::string text;
   for (const VariedColumn& one : varied) {
+    // The label is in the unit that the whole column is shown in.
     const std::string& label = one.labels[one.places[row]];
     text += fmt::format("{}{} {}{}{}", text.empty() ? "" : ", ", one.name, label,
                         one.unit.empty() ? "" : " ", print_unit(one.unit));
@@ -127,18 +137,21 @@ std::string extreme_tiles(const SweepTable& table, const std::vector<VariedColum
     double median = std::nan("");
     std::size_t row = 0;
   } least, most;
+  // Failed repeats have no result; a setting of failed ones alone takes no part.
   for (const auto& setting : settings_in(table)) {
     std::vector<std::size_t> rows;
     std::copy_if(setting.begin(), setting.end(), std::back_inserter(rows),
                  [&table](std::size_t row) { return is_completed(table, row); });
     const double median = spread_of(numbers_of(table, column, rows)).median;
     if (std::isnan(median)) continue;
+    // Both are NaN at first, with which every comparison is false: the first median is taken.
     if (!(median >= least.median)) least = {median, rows.front()};
     if (!(median <= most.median)) most = {median, rows.front()};
   }
   if (std::isnan(least.median)) return "";
   const SweepColumn& about = table.columns[column];
   const auto tile = [&](const char* word, const Extreme& one) {
+    // Each tile in a unit of its own size: the two ends may be decades apart.
     const Shown shown = show_quantity(one.median, about.unit);
     return fmt::format(
         "<div class=\"tile\"><div class=\"name\">{} {}</div><div class=\"value\">{} <span "
@@ -154,6 +167,7 @@ std::string cells_row(const char* tag, const std::vector<std::string>& cells,
                       const std::vector<bool>& right) {
   std::string row = "<tr>";
   for (std::size_t i = 0; i < cells.size(); ++i)
+    // Numbers stand at the right, so that their places can be compared.
     row += fmt::format("<{0}{1}>{2}</{0}>", tag, right[i] ? " class=\"n\"" : "", cells[i]);
   return row + "</tr>\n";
 }
@@ -189,6 +203,7 @@ std::string settings_table(const SweepTable& table, const std::vector<VariedColu
   for (const std::size_t column : results) {
     std::vector<double> numbers;
     for (std::size_t i = 0; i < shown; ++i) {
+      // Median and quartiles, three numbers a setting, in one list for the common unit.
       const Spread spread = spread_of(numbers_of(table, column, completed[i]));
       numbers.insert(numbers.end(), {spread.median, spread.low, spread.high});
     }
@@ -215,6 +230,7 @@ std::string settings_table(const SweepTable& table, const std::vector<VariedColu
 
 /// The run's report, where there is a run.
 std::string link_of(const SweepTable& table, std::size_t row, const std::string& runs) {
+  // Relative to the page: the folder of the sweep may be moved as a whole.
   if (table.runs[row].empty()) return "";
   return fmt::format("<a href=\"{}/{}/report.html\">report</a>", escape_markup(runs),
                      escape_markup(table.runs[row]));
@@ -228,8 +244,10 @@ std::string failures(const SweepTable& table, const std::vector<VariedColumn>& v
   std::map<std::string, std::size_t> counts;
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
     const std::string word = text_in(table.rows[row][outcome]);
+    // What has not been run yet is told at the head of the page.
     if (word == "completed" || word == "missing") continue;
     ++counts[word];
+    // All are counted, the first are listed: a sweep may fail at every point for one reason.
     if (rows.size() < kFailuresListed)
       rows.push_back({text_in(table.rows[row][0]), escape_markup(setting_text(table, varied, row)),
                       text_in(table.rows[row][table.column("seed")]), word,
@@ -251,15 +269,18 @@ std::string slowest(const SweepTable& table, const std::vector<VariedColumn>& va
   std::vector<std::size_t> order;
   std::vector<double> times;
   for (std::size_t row = 0; row < table.rows.size(); ++row)
+    // Without a wall time: killed, or not run.
     if (std::isfinite(table.wall_times[row]))
       order.push_back(row), times.push_back(table.wall_times[row]);
   if (order.empty()) return "";
   const std::size_t shown = std::min(order.size(), kSlowest);
+  // Ten of ten thousand: not all of them need an order.
   std::partial_sort(
       order.begin(), order.begin() + static_cast<std::ptrdiff_t>(shown), order.end(),
       [&table](std::size_t a, std::size_t b) { return table.wall_times[a] > table.wall_times[b]; });
   std::vector<double> longest;
   for (std::size_t i = 0; i < shown; ++i) longest.push_back(table.wall_times[order[i]]);
+  // One unit for the column, as the times stand one above the other.
   const ShownColumn printed = show_column(longest, "s");
   std::vector<std::vector<std::string>> rows;
   for (std::size_t i = 0; i < shown; ++i)
@@ -267,6 +288,7 @@ std::string slowest(const SweepTable& table, const std::vector<VariedColumn>& va
                     escape_markup(setting_text(table, varied, order[i])),
                     text_in(table.rows[order[i]][table.column("seed")]), printed.numbers[i],
                     link_of(table, order[i], "runs")});
+  // Of processors and not of the sweep: points ran side by side.
   double all = 0;
   for (const double time : times) all += time;
   return fmt::format("<p>{} together, median {}</p>\n", format_quantity(all, "s"),
@@ -283,6 +305,7 @@ std::string asked(const nlohmann::json& head) {
     std::string values;
     std::size_t count = 0;
     for (const nlohmann::json& value : axis.value("values", nlohmann::json::array())) {
+      // Counted on: the text says how many there are in all.
       if (++count > 12) continue;
       values += (values.empty() ? "" : ", ") + (value.is_number()
                                                     ? format_quantity(value.get<double>(), unit, 4)
@@ -290,6 +313,7 @@ std::string asked(const nlohmann::json& head) {
                                                                     : value.dump());
     }
     if (count > 12) values += fmt::format(", ... ({} in all)", count);
+    // Drawn values are different in every point: their range says what was asked.
     if (axis.contains("drawn"))
       values =
           format_range(axis["drawn"].value("low", 0.0), axis["drawn"].value("high", 0.0), unit) +
@@ -310,6 +334,7 @@ std::string sweep_report_html(const SweepTable& table, const nlohmann::json& hea
                               const std::string& shown) {
   const std::vector<VariedColumn> varied = varied_columns(table);
   std::vector<std::size_t> results = result_columns(table, shown);
+  // A protocol may state dozens of results; the first ones are drawn.
   std::string drawings;
   for (std::size_t i = 0; i < std::min(results.size(), kResultsDrawn); ++i)
     drawings += sweep_figures(table, varied, results[i], i == 0);

@@ -18,6 +18,7 @@
 namespace vitreo {
 namespace {
 
+// Those that a person or a scheduler ends a sweep with.
 constexpr std::array<int, 3> kStopSignals{SIGINT, SIGTERM, SIGHUP};
 volatile std::sig_atomic_t stops_asked = 0;  // a signal handler reaches nothing else
 std::array<struct sigaction, kStopSignals.size()> handlers_before{};
@@ -42,10 +43,13 @@ void write_all(int pipe, std::string text) {
 /// The child: no terminal, no signals of the parent's, and no longer life than its parent's.
 [[noreturn]] void run_child(pid_t parent, int pipe,
                             const std::function<void(const SayLine&)>& body) {
+  // A runner that is killed outright cannot pass its end on: the kernel does.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (getppid() != parent) _exit(1);  // it died before that was in force
   setpgid(0, 0);                      // the terminal's Ctrl-C is for the parent, which passes it on
+  // The run that this process becomes installs handlers of its own.
   for (const int signal : kStopSignals) std::signal(signal, SIG_DFL);
+  // Questions of a run are answered by --answer; its lines go through the pipe.
   const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   ::dup2(nothing, STDIN_FILENO);
   ::dup2(nothing, STDOUT_FILENO);
@@ -92,6 +96,7 @@ void WorkerPool::signal(int number) const {
 // this process has one thread.
 void WorkerPool::start(std::size_t task, const std::function<void(const SayLine&)>& body) {
   std::array<int, 2> ends{};
+  // Closed on exec, or the guardian of a run would hold the pipe open after its worker.
   if (::pipe2(ends.data(), O_CLOEXEC) != 0) fail();
   const pid_t parent = getpid();
   const pid_t process = fork();
@@ -101,6 +106,7 @@ void WorkerPool::start(std::size_t task, const std::function<void(const SayLine&
     run_child(parent, ends[1], body);
   }
   ::close(ends[1]);
+  // Read until there is no more, without waiting for one worker while others have something.
   ::fcntl(ends[0], F_SETFL, O_NONBLOCK);
   workers_[task] = {process, ends[0], ""};
 }
@@ -113,6 +119,7 @@ void WorkerPool::take_lines(std::size_t task, Worker& worker, std::vector<Event>
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) return;  // EAGAIN: no more for now
     if (got == 0) break;
+    // A line may come in parts; what has no end yet waits for the next turn.
     worker.received.append(bytes.data(), static_cast<std::size_t>(got));
     for (std::size_t end = 0; (end = worker.received.find('\n')) != std::string::npos;) {
       events.push_back({task, false, worker.received.substr(0, end), 0});
@@ -121,6 +128,7 @@ void WorkerPool::take_lines(std::size_t task, Worker& worker, std::vector<Event>
   }
   Event ended{task, true, "", 0};
   ::close(worker.pipe);
+  // The pipe is closed, so the process is ending: this wait is short.
   while (::waitpid(worker.process, &ended.status, 0) < 0 && errno == EINTR) continue;
   events.push_back(ended);
 }
@@ -136,6 +144,7 @@ std::vector<WorkerPool::Event> WorkerPool::wait(std::chrono::milliseconds patien
   std::vector<Event> events;
   if (::poll(ends.data(), ends.size(), static_cast<int>(patience.count())) <= 0) return events;
   for (std::size_t i = 0; i < ends.size(); ++i) {
+    // POLLHUP comes without POLLIN: the end of a worker that said nothing.
     if (ends[i].revents == 0) continue;
     take_lines(tasks[i], workers_.at(tasks[i]), events);
     if (!events.empty() && events.back().ended) workers_.erase(tasks[i]);

@@ -46,6 +46,7 @@ std::optional<OperatorCommand> end_of_run(const std::string& line) {
     const std::size_t begin = line.find_first_not_of(" \t\r"), end = line.find_last_not_of(" \t\r");
     if (begin != std::string::npos) command.word = line.substr(begin, end - begin + 1);
   }
+  // Any other word is read with all that belongs to it.
   if (!OperatorDesk::ends_run(command.word)) return std::nullopt;
   return command;
 }
@@ -184,10 +185,12 @@ struct ControlSocket::Server {
     boost::system::error_code ignored;
     // send() must not wait for a client.
     socket.non_blocking(true, ignored);
+    // Counted anew each time: there are a few hundred at most.
     const auto visitors =
         static_cast<std::size_t>(std::count_if(clients.begin(), clients.end(), is_visitor));
     clients.emplace_back(std::move(socket));
     clients.back().visitor = clients.size() - visitors > kMostClients;
+    // The oldest goes: a stop is said in the first moments of its connection.
     if (visitors >= kMostVisitors) close(*std::find_if(clients.begin(), clients.end(), is_visitor));
     read(std::prev(clients.end()));
   }
@@ -210,6 +213,7 @@ struct ControlSocket::Server {
     client.received.erase(0, end);
     const nlohmann::json reply = answer_request(line, desk);
     const bool watch = reply["ok"] && is_watch(line);
+    // A visitor can ask for the status as often as it likes.
     // What is sent without being asked for needs a place.
     if (watch && client.visitor)
       return send(client, {{"ok", false}, {"error", "there are too many clients to watch"}});

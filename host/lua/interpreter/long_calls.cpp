@@ -32,11 +32,13 @@ int repeat(lua_State* L) {
   const char* const text = luaL_checklstring(L, 1, &size);
   const lua_Integer count = std::max<lua_Integer>(luaL_checkinteger(L, 2), 0);
   const char* const between = luaL_optlstring(L, 3, "", &gap);
+  // The text and what stands between two of them, but for the last.
   const std::size_t one = size + gap;
   if (count == 0 || one == 0) return lua_pushliteral(L, ""), 1;
   if (count > kLongestText / static_cast<lua_Integer>(one))
     return luaL_error(L, "string.rep: the text would be longer than 16 MB");
   const std::size_t whole = one * static_cast<std::size_t>(count);
+  // In memory of Lua's own, whose cap holds here as everywhere.
   luaL_Buffer buffer;
   char* const made = luaL_buffinitsize(L, &buffer, whole);
   std::memcpy(made, text, size);
@@ -56,6 +58,8 @@ int less_than(lua_State* L) {
 /// table.sort(list, less)
 int sort(lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
+  // With a function of the script the hook acts at its calls already. Short lists keep the quicker
+  // way.
   if (lua_isnoneornil(L, 2) && luaL_len(L, 1) > kShortList) {
     lua_settop(L, 1);
     lua_pushcfunction(L, less_than);
@@ -146,6 +150,7 @@ class StoppableSteps : public scripted::PatternSteps {
   struct Felt {};
   explicit StoppableSteps(const Context& context) : PatternSteps(kAtOnce), context_(context) {}
   void use_up() override {
+    // A file that is only read has no stop to wait for: it has its fill of steps, once a call.
     if (context_.session == nullptr) throw scripted::PatternWork();
     if (context_.interrupted) throw Felt();
     left = kAtOnce;
@@ -189,6 +194,7 @@ void put_in_front(lua_State* L, const char* library, std::initializer_list<Bound
 }  // namespace
 
 void open_long_calls(lua_State* L) {
+  // The methods of texts find these, too: their metatable's __index is the table itself.
   put_in_front(L, LUA_STRLIBNAME,
                {{"byte", of_text},
                 {"lower", of_text},
