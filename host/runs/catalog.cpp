@@ -28,6 +28,8 @@ struct Catalog::Fresh {
   RunSummary run;
 };
 
+/// What one look at the folders has found, before any of it is written. `outdated`: ids of rows
+/// whose run has changed or is gone.
 struct Catalog::Changes {
   std::vector<Fresh> lasting;  // to be kept in the index
   std::vector<Fresh> passing;  // runs that go on, or cannot be read
@@ -37,6 +39,9 @@ struct Catalog::Changes {
 namespace {
 
 // The rows of closed runs; python/vitreo/catalog.py makes the same tables.
+// A value has its number in SI, or a text, or both where it is a flag. `run_mark` has all that
+// update() asks for, and `value_name` all of a comparison with a number, so that neither reads the
+// tables.
 constexpr const char* kLayout = R"(
 CREATE TABLE run(id INTEGER PRIMARY KEY, name TEXT UNIQUE, mark TEXT, time TEXT, t0_utc_ns INTEGER,
   protocol TEXT, title TEXT, operator TEXT, seed TEXT, outcome TEXT, reason TEXT, ended_by TEXT,
@@ -46,6 +51,7 @@ CREATE INDEX run_mark ON run(name, mark);
 CREATE INDEX value_name ON value(name, kind, unit, number, run);
 CREATE INDEX value_run ON value(run, name);
 )";
+// In the order in which Writer binds them.
 constexpr const char* kRunColumns =
     "id, name, mark, time, t0_utc_ns, protocol, title, operator, seed, outcome, reason, ended_by, "
     "experiment_time, wall_time, version, rig, words";
@@ -54,7 +60,7 @@ constexpr const char* kRunColumns =
 // the index.
 constexpr std::int64_t kFirstTemporary = std::int64_t{1} << 40;
 
-/// Device, size and time of run.sqlite, as it is now; empty where there is none.
+/// Inode, size and time of modification (ns) of run.sqlite, as it is now; empty where there is none.
 std::string mark_of(const fs::path& folder) {
   struct stat status = {};
   if (stat((folder / "run.sqlite").c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return "";
@@ -74,6 +80,7 @@ struct Place {
 constexpr Place kIndex{"main.run", "main.value"};
 constexpr Place kNow{"temp.run_now", "temp.value_now"};
 
+/// Writes runs with their values. It begins no transaction: the caller decides what is atomic.
 class Writer {
  public:
   Writer(Database& database, const Place& place)
@@ -160,6 +167,7 @@ fs::path Catalog::file_of(const fs::path& parent) {
   else
     return {};
   std::error_code error;
+  // One folder has one index, by whichever path it is named.
   const fs::path whole = fs::weakly_canonical(parent, error);
   return folder / "vitreo" / ("catalog-" + digest_of(error ? parent : whole) + ".sqlite");
 }
@@ -265,6 +273,8 @@ void Catalog::keep(Changes& changes) {
     for (const std::int64_t id : changes.outdated) statement.bind(1, id).run();
   };
   try {
+    // The lock for writing is taken at once: a transaction that begins by reading and writes later
+    // may be refused in its midst, where SQLite does not wait.
     database_->execute("BEGIN IMMEDIATE");
     each_outdated("DELETE FROM main.value WHERE run=?");
     each_outdated("DELETE FROM main.run WHERE id=?");
@@ -289,10 +299,13 @@ void Catalog::keep(Changes& changes) {
       database_->execute("ROLLBACK");
     } catch (const DatabaseError&) {  // SQLite had done it, or nothing was begun
     }
+    // What could not be deleted is left out of the views of this connection instead.
     each_outdated("INSERT OR IGNORE INTO temp.hidden VALUES(?)");
   }
 }
 
+/// Asked for each name of a query: the index is looked up by that name, and the list of all names
+/// is made for an error alone.
 Vocabulary Catalog::vocabulary() {
   return {[this](const std::string& name, char kind) {
             std::vector<KnownValue> found;
@@ -323,11 +336,14 @@ std::vector<CatalogRow> Catalog::find(const CatalogRequest& request, const std::
   std::vector<QueryName> columns;
   for (const std::string& word : request.columns)
     columns.push_back(query_name(word, known, "--columns: "));
+  // The SQL has fixed words and the columns of the layout alone: every text of the request is
+  // bound.
   const SqlCondition order = order_by(request.sort, known);
   Statement rows = database_->prepare(
       "SELECT id, name, time, protocol, title, operator, seed, outcome, reason, experiment_time, "
       "rig, ended_by FROM all_run WHERE " +
       where.sql + " ORDER BY " + order.sql + "name");
+  // The marks of the condition stand before those of the order.
   int index = 0;
   for (const SqlCondition* const part : std::initializer_list<const SqlCondition*>{&where, &order})
     for (const auto& value : part->values)
@@ -373,6 +389,7 @@ void Catalog::fill_column(const QueryName& column, const std::vector<std::int64_
       if (!value.is_null(0)) one->number = value.real(0);
       one->text = value.text(1);
       one->unit = value.text(2);
+      // To its end, where the statement is ready for the next run.
       value.step();
     }
     rows[i].columns.push_back(std::move(one));

@@ -18,6 +18,7 @@
 namespace vitreo {
 namespace {
 
+// The cell of a run that has no such value.
 constexpr const char* kNone = "\u2013";
 
 /// With the true minus sign, as numbers stand in print.
@@ -29,6 +30,7 @@ std::string in_print(const std::string& number) {
 using TextOfRun = std::function<std::string(const RunData&)>;
 
 /// To what differs, or to the names of what does not.
+/// Compared are the texts as they are shown, so that no row has cells that look the same.
 void add_line(RunComparison& made, const std::vector<RunData>& runs, const std::string& name,
               const TextOfRun& text) {
   ComparedLine line{name, {}};
@@ -59,6 +61,8 @@ void add_parameters(RunComparison& made, const std::vector<RunData>& runs) {
 }
 
 /// The rig as it was used, but for texts and paths.
+/// The keys of a JSON object are sorted, so equal settings have one text. Eight digits are enough
+/// to tell a few runs apart.
 std::string rig_digest(const RunData& run) {
   const nlohmann::json& rig = run.start.rig;
   if (!rig.is_object() || !rig.contains("resolved")) return "";
@@ -117,6 +121,7 @@ ComparedLine result_line(const std::vector<RunData>& runs, const std::string& na
     line.cells.push_back(std::isfinite(value) ? in_print(shown.numbers[next++]) : kNone);
   if (!two) return line;
   const auto in = column_unit(column, unit);
+  // Of the values and not of the cells, whose rounding would show in it.
   const double difference = (values[1] - values[0]) / (in ? in->factor : 1);
   line.difference = (difference > 0 ? "+" : "") + in_print(format_number(difference));
   return line;
@@ -163,6 +168,7 @@ std::string comparison_text(const std::vector<RunData>& runs) {
     for (std::size_t i = 0; i < line.cells.size(); ++i)
       widths[i + 1] = std::max(widths[i + 1], columns_of(line.cells[i]));
   }
+  // Columns of the terminal, not bytes: µ has two bytes and one column.
   const auto padded = [](const std::string& cell, std::size_t width, bool right) {
     const std::string blanks(width - std::min(width, columns_of(cell)), ' ');
     return right ? blanks + cell : cell + blanks;
@@ -172,6 +178,7 @@ std::string comparison_text(const std::vector<RunData>& runs) {
     for (std::size_t i = 0; i < line.cells.size(); ++i)
       row += "  " + padded(line.cells[i], widths[i + 1], true);
     if (!line.difference.empty()) row += "  " + line.difference;
+    // Names come from scripts: control characters must not reach the terminal.
     text += harmless(row) + "\n";
   }
   return text;

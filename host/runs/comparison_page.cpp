@@ -44,6 +44,7 @@ Series series_of(const Stream& stream, std::size_t channel) {
   Series series;
   for (std::size_t row = 0; row < stream.times.size(); ++row) {
     series.x.push_back(to_seconds(stream.times[row]));
+    // What was not measured is a NaN, and a gap in the line.
     series.y.push_back(stream.at(row, channel));
   }
   return series;
@@ -85,6 +86,7 @@ std::string unit_for(const std::vector<Series>& all, const std::string& dimensio
 }
 
 /// One plot of all runs; nothing where fewer than two have data.
+/// A run without data keeps an empty series, so that each run has its color on every plot.
 std::optional<Plot> overlay(const std::string& title, const std::string& label,
                             const std::string& dimension, std::vector<Series> all,
                             const std::vector<std::string>& names) {
@@ -93,6 +95,7 @@ std::optional<Plot> overlay(const std::string& title, const std::string& label,
     all[i].label = names[i];
     filled += std::any_of(all[i].y.begin(), all[i].y.end(), drawable) ? 1 : 0;
   }
+  // A single line compares nothing.
   if (filled < 2) return std::nullopt;
   Plot plot;
   plot.title = title;
@@ -108,6 +111,7 @@ void cut_peaks(Plot& plot) {
   constexpr double kUsual = 0.97;  // of the values
   constexpr double kPeak = 4;      // times that: then there are peaks
   constexpr double kRoom = 1.5;    // times that is shown
+  // overlay() has seen to it that there are values.
   std::vector<double> values;
   for (const Series& one : plot.series)
     std::copy_if(one.y.begin(), one.y.end(), std::back_inserter(values), drawable);
@@ -117,11 +121,13 @@ void cut_peaks(Plot& plot) {
   if (!(values.back() > kPeak * usual)) return;
   for (Series& one : plot.series)
     for (double& value : one.y)
+      // A NaN is not above it, and stays a gap.
       if (value > kRoom * usual) value = kRoom * usual;
   plot.note =
       "peaks are cut at the upper edge; the largest is " + format_quantity(values.back(), "m");
 }
 
+/// By the streams of the first run: others have nothing to be laid over.
 std::vector<Plot> distances(const std::vector<RunData>& runs,
                             const std::vector<std::string>& names) {
   std::vector<Plot> plots;
@@ -134,6 +140,7 @@ std::vector<Plot> distances(const std::vector<RunData>& runs,
     if (auto plot = overlay("Distance from the target, by " + stream.info.name, "distance", "m",
                             std::move(all), names)) {
       cut_peaks(*plot);
+      // Once more: without the peaks a smaller unit may fit.
       plot->y.unit = unit_for(plot->series, "m");
       plots.push_back(std::move(*plot));
     }
@@ -182,6 +189,8 @@ std::string drawings(const std::vector<RunData>& runs, const std::vector<std::st
   return out;
 }
 
+/// `two`: the cell of the difference is there also where it is empty, so that all rows of a table
+/// have as many.
 std::string one_row(const char* tag, const ComparedLine& line, bool two) {
   std::string row = fmt::format("<tr><{0}>{1}</{0}>", tag, escape_markup(line.name));
   for (const std::string& cell : line.cells)
@@ -204,6 +213,7 @@ std::string lines_table(const std::vector<ComparedLine>& lines,
 /// The first result in words, and what it may not be taken for.
 std::string lead(const RunComparison& made) {
   std::string first;
+  // The first that every run states: beside a dash there is nothing to compare.
   const auto whole = std::find_if(made.results.begin(), made.results.end(), [](const auto& line) {
     return std::find(line.cells.begin(), line.cells.end(), "\u2013") == line.cells.end();
   });

@@ -28,6 +28,7 @@ ExportFolder::ExportFolder(const fs::path& folder, bool replace)
 }
 
 ExportFolder::~ExportFolder() {
+  // After publish() as well, which has moved the files out of it.
   std::error_code ignored;  // what cannot be removed is hidden, and no file of the export
   fs::remove_all(staging_, ignored);
   if (made_) fs::remove(folder_, ignored);  // only where it is empty
@@ -46,6 +47,7 @@ fs::path ExportFolder::add(const std::string& stem, const std::string& ending) {
   return staging_ / name;
 }
 
+/// Errors of the writers name the staging folder, which is gone when they are read.
 std::string ExportFolder::renamed(std::string text) const {
   const std::string part = staging_.string();
   for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part))
@@ -63,6 +65,8 @@ Files ExportFolder::publish() {
     const Descriptor file(open_existing_file(staging_ / name));
     sync_file(file.number(), staging_ / name);
   }
+  // Each rename is atomic, all of them together are not: a kill in between leaves the first files,
+  // each of them whole.
   for (const std::string& name : names_) {
     fs::rename(staging_ / name, folder_ / name);
     files.push_back(folder_ / name);

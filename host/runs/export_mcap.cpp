@@ -56,9 +56,11 @@ class RunFile {
   void add_events();
   void add_frames();
 
+  // In place of a source's number: the item is the picture of a frame.
   static constexpr std::size_t kPictures = std::numeric_limits<std::size_t>::max();
 
   McapFile file_;
+  // Borrowed: the sources refer to the record until write() has returned.
   const RunData& data_;
   const RunTopics topics_;
   std::map<std::string, std::uint16_t> channels_;
@@ -108,6 +110,7 @@ void RunFile::add_events() {
 void RunFile::add_frames() {
   for (std::size_t row = 0; row < data_.frames.size(); ++row) {
     const FrameRow& frame = data_.frames[row];
+    // Pixel type 1 is 16 bits of gray, which of Foxglove's schemas RawImage alone holds.
     items_.push_back({frame.exposed,
                       channel_of(RunTopics::image(frame.camera, frame.pixel_type == 1)), kPictures,
                       row});
@@ -125,6 +128,8 @@ void RunFile::collect() {
       [this, first](std::size_t) { return topics_.transforms_message(first); }, {first});
   add(RunTopics::scene(), [this, first](std::size_t) { return topics_.scene_message(first); },
       {first});
+  // MCAP asks for no order. A reader that goes by time has to hold fewer chunks at once where their
+  // spans do not overlap.
   // Stable: of one moment streams come before events, events before frames.
   std::stable_sort(items_.begin(), items_.end(),
                    [](const Item& a, const Item& b) { return a.time < b.time; });
@@ -134,6 +139,8 @@ void RunFile::write() {
   std::vector<std::size_t> frames;
   for (const Item& item : items_)
     if (item.source == kPictures) frames.push_back(item.row);
+  // Encoding takes most of the time: threads do it ahead, and take() gives the pictures in the
+  // order of `frames`, which is that of the items.
   Ahead pictures(frames.size(), [this, &frames](std::size_t number) {
     const FrameRow& frame = data_.frames[frames[number]];
     return topics_.image_message(frame.camera, frame.exposed, read_frame(data_, frame),
@@ -147,6 +154,7 @@ void RunFile::write() {
 }
 
 /// A JSON object's values as texts.
+/// MCAP's metadata maps strings to strings: numbers and lists become JSON text.
 Words words_of(const nlohmann::json& object) {
   Words words;
   if (!object.is_object()) return words;
@@ -188,6 +196,7 @@ void RunFile::describe() {
   file_.metadata("results", results);
   const std::uint64_t end =
       topics_.clock().ns(data_.end ? from_seconds(data_.end->experiment_time) : Time{0});
+  // Log times of the attachments: of the report the end of the run, of the protocol its begin.
   const std::filesystem::path report = data_.folder / "report.html";
   std::error_code error;
   file_.attachment("report.html", "text/html", end,
@@ -201,6 +210,7 @@ void RunFile::describe() {
 
 void export_mcap(const RunData& data, ExportFolder& folder) {
   RunFile file(folder.add("run", ".mcap"), data);
+  // First: metadata and attachments each end the chunk that is open.
   file.describe();
   file.collect();
   file.write();

@@ -33,6 +33,8 @@ TiffStack stack_of(const RecordedCameraInfo& camera, const FrameRow& first) {
   return stack;
 }
 
+/// In integers, exact to the nanosecond however long the run was. The sign stands apart, since the
+/// whole part of -0.5 has none.
 std::string exact_seconds(Time time) {
   const std::int64_t ns = time.count();
   return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", std::abs(ns / 1000000000),
@@ -70,6 +72,9 @@ std::vector<std::string> imagej_labels(const RunData& data, Rows rows) {
 }
 
 /// DeltaT is counted from AcquisitionDate, which is the zero of the run's clock.
+/// TiffData names no other file, so the planes are the directories of this one in their order,
+/// which XYCZT makes that of time. A color plane is one channel of three samples. TimeIncrement is
+/// the camera's own period; where frames are missing DeltaT has the times.
 std::string ome_text(const RunData& data, const RecordedCameraInfo& camera, const TiffStack& stack,
                      Rows rows) {
   const std::string scale = stack.pixel > 0
@@ -104,9 +109,11 @@ std::string ome_text(const RunData& data, const RecordedCameraInfo& camera, cons
 
 void write_pages(const RunData& data, const std::filesystem::path& file, const TiffStack& stack,
                  Rows rows) {
+  // Outside of the function, whose bytes are in use until its next call.
   cv::Mat image;
   write_tiff_stack(file, stack, rows.size(), [&](std::size_t i) {
     image = read_frame(data, *rows[i]);
+    // OpenCV has BGR, TIFF has RGB.
     if (stack.samples == 3) cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
     return std::string_view(reinterpret_cast<const char*>(image.data), rows[i]->bytes);
   });

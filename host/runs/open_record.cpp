@@ -13,6 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Asked before SQLite is, which has one and the same text for all of these errors.
 std::string file_of(const fs::path& folder) {
   if (!fs::exists(folder)) throw RecordError(folder.string() + ": there is no such folder");
   const fs::path file = folder / "run.sqlite";
@@ -32,6 +33,7 @@ std::string column_in(const std::string& expression) {
   return expression.substr(begin, end - begin);
 }
 
+/// None of a table that is not there.
 std::vector<std::string> columns_of_table(Database& database, const std::string& table) {
   std::vector<std::string> names;
   Statement rows = database.prepare("SELECT name FROM pragma_table_info(?)");
@@ -57,6 +59,7 @@ OpenRecord::OpenRecord(const fs::path& folder)
     throw RecordError(fmt::format(
         "{}: has record version {}; this program reads up to {}: it wants a newer Vitreo", file,
         version_, kRecordVersion));
+  // Another program's database opens as well: every version of a record has these tables.
   for (const char* const table : {"run", "stream", "channel", "event", "stop"})
     if (!has_table(table))
       throw RecordError(
@@ -71,6 +74,8 @@ std::vector<std::string> OpenRecord::columns_of(const std::string& table) {
   return columns_of_table(database_, table);
 }
 
+/// What a record of an older version lacks reads as NULL, a table as one without rows: one reader
+/// serves all versions.
 Statement OpenRecord::select(const std::string& table, const std::vector<std::string>& columns,
                              const std::string& tail) {
   const std::vector<std::string> there = columns_of(table);
@@ -82,6 +87,7 @@ Statement OpenRecord::select(const std::string& table, const std::vector<std::st
 }
 
 // A parameter that is bound and not used is an error of SQLite's: hence the CASE, which uses it.
+// The caller binds by the places in `columns`, also those that an older table lacks.
 Statement insert_into(Database& database, const std::string& table,
                       const std::vector<std::string>& columns) {
   const std::vector<std::string> there = columns_of_table(database, table);

@@ -26,10 +26,13 @@ constexpr std::pair<const char*, const char*> kFields[] = {
     {"version", "version"},   {"text", "words"}};
 
 /// A prefix says of which kind a name is, where a parameter and a result share one.
+/// The letter is the kind in the catalog's table `value`: p parameter, r result, t tag, s field of
+/// the sample.
 constexpr std::pair<const char*, char> kPrefixes[] = {{"p.", 'p'},   {"parameter.", 'p'},
                                                       {"r.", 'r'},   {"result.", 'r'},
                                                       {"tag.", 't'}, {"sample.", 's'}};
 
+/// A word of the query. Keywords are names: `and` is one only where a name cannot stand.
 struct Token {
   enum class Kind { name, operation, number, text, open, close, end };
   Kind kind = Kind::end;
@@ -50,6 +53,7 @@ struct Token {
 /// Letters of other alphabets are taken as they are: bytes of UTF-8 from 0x80 on.
 bool is_word(char c) {
   const auto byte = static_cast<unsigned char>(c);
+  // Bytes of UTF-8 beyond ASCII are letters: keys of tags may have them.
   return std::isalnum(byte) != 0 || c == '_' || c == '.' || byte >= 0x80;
 }
 
@@ -86,6 +90,7 @@ class Lexer {
     if (std::string_view("<>=!~").find(c) != std::string_view::npos) return operation();
     if (value) return word_or_number();
     if (!is_word(c)) fail(query_, at, fmt::format("'{}' is not understood", c));
+    // A dash belongs to a name and begins none.
     while (at_ < query_.size() && (is_word(query_[at_]) || query_[at_] == '-')) ++at_;
     return {Token::Kind::name, query_.substr(at, at_ - at), at};
   }
@@ -94,6 +99,7 @@ class Lexer {
     while (at_ < query_.size() && std::isspace(static_cast<unsigned char>(query_[at_])) != 0) ++at_;
   }
 
+  /// There are no escapes: a text with one kind of quotes stands in the other kind.
   Token quoted(char quote) {
     const std::size_t at = at_;
     // No escapes: a text with one kind of quotation mark is put into the other kind.
@@ -106,6 +112,7 @@ class Lexer {
   Token operation() {
     const std::size_t at = at_;
     // The longer ones first, or "<=" would be read as "<".
+    // Longer signs first, since "<=" begins with "<".
     for (const char* const sign : {"<=", ">=", "!=", "==", "<", ">", "=", "~"})
       if (query_.compare(at, std::string_view(sign).size(), sign) == 0) {
         at_ += std::string_view(sign).size();
@@ -146,6 +153,7 @@ class Lexer {
 
 /// Values stay apart from the text, in the order of their marks: nothing that was typed becomes
 /// SQL.
+/// In parentheses, so that the SQL is grouped as the query is.
 SqlCondition joined(SqlCondition a, const char* word, SqlCondition b) {
   a.sql = "(" + a.sql + word + b.sql + ")";
   a.values.insert(a.values.end(), b.values.begin(), b.values.end());
@@ -179,6 +187,7 @@ class Parser {
     return true;
   }
 
+  /// A function for each rank: `not` binds closer than `and`, and that closer than `or`.
   SqlCondition disjunction() {
     // "or" binds less than "and", as everywhere.
     SqlCondition left = conjunction();
@@ -236,6 +245,7 @@ class Parser {
     }
   }
 
+  /// A name alone: the run has such a value; of a field, that it is not empty.
   static SqlCondition has(const QueryName& meant) {
     if (!meant.field.empty()) return {"coalesce(" + meant.field + ", '') != ''", {}};
     // By a list of runs and not by a join: a run with two values of one name is listed once.
@@ -252,6 +262,7 @@ class Parser {
     }
     // "2026-11" compares months: as much of the time as was typed.
     if (field == "time")
+      // As many characters as were written: time = 2026-11 is the whole month.
       return {fmt::format("substr(time, 1, {}) {} ?", value.text.size(), operation), {value.text}};
     const bool ordered = operation != "=" && operation != "!=";
     if (field == "version") {
@@ -271,6 +282,8 @@ class Parser {
     return {field + " " + operation + " ?", {value.text}};
   }
 
+  /// A run without the value is in none of the inner lists, so that no comparison holds for it, !=
+  /// among them.
   SqlCondition compare_value(const QueryName& meant, const std::string& operation,
                              const Token& value) const {
     const std::string from =
@@ -284,6 +297,8 @@ class Parser {
     const bool equal = operation == "=" || operation == "!=";
     // A flag is a number, 1 or 0, with the text true or false.
     const bool flag = value.text == "true" || value.text == "false";
+    // Runs may have texts and numbers under one name: a value of another dimension than the numbers
+    // is compared with the texts.
     const bool word = value.kind == Token::Kind::text || !fits(kinds, value);
     if (equal && (flag || (texts && word)))
       return {from + "text " + operation + " ?)", {meant.name, value.text}};
@@ -295,6 +310,7 @@ class Parser {
       return {from + "unit = ? AND abs(number - ?) " + (operation == "=" ? "<=" : ">") +
                   " 1e-9 * abs(?))",
               {meant.name, quantity.dimension, quantity.value, quantity.value}};
+    // The unit is compared as well: another protocol may have another quantity under this name.
     return {from + "unit = ? AND number " + operation + " ?)",
             {meant.name, quantity.dimension, quantity.value}};
   }
@@ -340,6 +356,7 @@ class Parser {
 }  // namespace
 
 QueryName query_name(const std::string& word, const Vocabulary& known, const std::string& at) {
+  // A field hides a value of the same name, which p.NAME and its kin still reach.
   for (const auto& [name, column] : kFields)
     if (word == name) return {column, 0, word};
   QueryName meant{"", 0, word};

@@ -46,6 +46,7 @@ void read_start(OpenRecord& record, RunData& data) {
   start.operator_name = row.text(3);
   start.parameters = object_of(row.text(4));
   start.parameter_units = object_of(row.text(5));
+  // A text in the record: SQLite's integers are signed, and a seed may have all 64 bits.
   start.seed = std::strtoull(row.text(6).c_str(), nullptr, 10);
   start.versions = object_of(row.text(7));
   start.rig = object_of(row.text(8));
@@ -128,6 +129,7 @@ void read_streams(OpenRecord& record, RunData& data) {
   }
 }
 
+/// Calls `each` with every row of a statement.
 template <class Each>
 void rows_of(Statement rows, Each each) {
   while (rows.step()) each(rows);
@@ -218,6 +220,7 @@ void read_cameras(OpenRecord& record, RunData& data) {
           });
 }
 
+/// The rows alone: pixels stay on the disk until read_frame() asks for them.
 void read_frames(OpenRecord& record, RunData& data) {
   rows_of(record.select("frame",
                         {"camera", "number", "t_ns", "t_received_ns", "t_device_ns", "file",

@@ -49,7 +49,7 @@ control::CoilMotions LoopWatch::velocities(const WatchedCommand& command) const 
   const control::FieldMatrix matrix = model_.field.matrix(known);
   const control::FieldGradient background = model_.field.background(known);
   const auto force = [this](const control::FieldGradient& made) -> Eigen::Vector3d {
-    // F = (m . grad) B with m along B: the moment follows the field within milliseconds
+    // F = (m . grad) B with m along B: the moment follows the field within milliseconds.
     //.
     const double strength = made.head<3>().norm();
     if (!(strength > 0)) return Eigen::Vector3d::Zero();
