@@ -11,13 +11,14 @@ using nlohmann::json;
 
 json vector_json(const Eigen::Vector3d& v) { return {{"x", v.x()}, {"y", v.y()}, {"z", v.z()}}; }
 
+/// foxglove.SpherePrimitive; `diameters` in m, along the axes of the pose.
 json sphere(const json& pose, const Eigen::Vector3d& diameters, const json& painted) {
   return {{"pose", pose}, {"size", vector_json(diameters)}, {"color", painted}};
 }
 
 json unmoved() { return pose_json(Eigen::Vector3d::Zero(), Eigen::Quaterniond::Identity()); }
 
-/// A closed line on screen, 1 px wide.
+/// A closed line on screen, 1 px wide: `scale_invariant` has the thickness in px and not in m.
 json loop(const json& points) {
   constexpr int kLoop = 1;  // LINE_LOOP
   return {{"type", kLoop},           {"pose", unmoved()},
@@ -74,11 +75,13 @@ double RunScene::number(const char* name, double otherwise) const {
   return found != geometry_.end() && found->is_number() ? found->get<double>() : otherwise;
 }
 
-/// An entity without primitives, for good.
+/// An entity without primitives. Its lifetime of zero is without end, and one of the same id takes
+/// its place.
 json RunScene::entity(Time time, const std::string& id) const {
   json made = {
       {"timestamp", clock_.stamp(time)},       {"frame_id", "world"},  {"id", id},
       {"lifetime", {{"sec", 0}, {"nsec", 0}}}, {"frame_locked", true}, {"metadata", json::array()}};
+  // The schema requires every list, empty ones too.
   for (const char* kind :
        {"arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models"})
     made[kind] = json::array();
@@ -112,6 +115,7 @@ std::optional<json> RunScene::eye(Time time) const {
 /// made up. Around it the ellipsoid of three standard deviations.
 json RunScene::robot(Time time, const SceneRow& row) const {
   json made = entity(time, "robot");
+  // Without a geometry in the record a body of 1 mm.
   const double length = 2 * number("robot_semi_axis", 0.5e-3);
   const double width = 2 * number("robot_semi_radius", 0.5e-3);
   const Eigen::Vector3d size =
@@ -129,6 +133,8 @@ json RunScene::robot(Time time, const SceneRow& row) const {
 
 json RunScene::row(Time time, const SceneRow& row) const {
   json update = {{"deletions", json::array()}, {"entities", json::array()}};
+  // An entity stays until it is replaced by one of its id, or deleted: a robot that is lost must
+  // not seem to stand still.
   const auto gone = [&](const char* id) {
     constexpr int kMatchingId = 0;
     update["deletions"].push_back(
@@ -155,6 +161,7 @@ json RunScene::transforms(Time time) const {
   json list = json::array();
   const auto add = [&](const char* child, const Eigen::Vector3d& at, const Eigen::Quaterniond& q) {
     const json pose = pose_json(at, q);
+    // foxglove.FrameTransform: the axes of the child, in those of the parent.
     list.push_back({{"timestamp", clock_.stamp(time)},
                     {"parent_frame_id", "world"},
                     {"child_frame_id", child},

@@ -106,6 +106,7 @@ struct EllipseColumns {
       const double t = i * 2 * std::numbers::pi / kPoints;
       const double along = at(major) * std::cos(t);
       const double across = at(minor) * std::sin(t);
+      // `angle` in rad, from the direction of u towards that of v, which goes down.
       const double x = at(u) + along * std::cos(at(angle)) - across * std::sin(at(angle)) + 0.5;
       const double y = at(v) + along * std::sin(at(angle)) + across * std::cos(at(angle)) + 0.5;
       if (!std::isfinite(x) || !std::isfinite(y)) return {};
@@ -156,6 +157,7 @@ std::vector<RowTopic> RunTopics::of_stream(const StreamInfo& stream) const {
        [stream](Time, std::span<const double> row) { return numbers_text(stream, row); }}};
   if (stream.name == "servo")
     for (RowTopic& one : of_servo(stream)) topics.push_back(std::move(one));
+  // A pose beside the measured one, to be compared with it.
   if (stream.name == "truth" || stream.name == "estimate")
     if (auto pose = of_pose(stream, "/" + stream.name + "/pose", "")) topics.push_back(*pose);
   return topics;
@@ -167,6 +169,7 @@ std::optional<RowTopic> RunTopics::of_pose(const StreamInfo& stream, const std::
   const VectorColumns position = columns_of(stream, prefix);
   if (!position.there()) return {};
   const VectorColumns axis = columns_of(stream, prefix + "axis_");
+  // The function has copies of all that it uses: it is called when the description is gone.
   return RowTopic{
       foxglove_topic(name, "PoseInFrame"),
       [=, clock = clock_](Time time, std::span<const double> row) -> std::optional<std::string> {
@@ -194,6 +197,7 @@ std::vector<RowTopic> RunTopics::of_servo(const StreamInfo& stream) const {
   const VectorColumns axis = columns_of(stream, "axis_");
   const VectorColumns sigma = columns_of(stream, "sigma_");
   const VectorColumns target = columns_of(stream, "target_");
+  // Also the scene's part that moves goes by the rows of the servo.
   topics.push_back({scene(), [=, scene = scene_](Time time, std::span<const double> row) {
                       return json_text(scene->row(
                           time, {robot.of(row), axis.of(row), sigma.of(row), target.of(row)}));
@@ -225,9 +229,11 @@ std::string RunTopics::image_message(const std::string& camera, Time exposed, co
   json message = {{"timestamp", clock_.stamp(exposed)}, {"frame_id", camera}};
   std::string data;
   if (image.depth() == CV_16U) {
+    // Rows without room between them, since `step` is the bytes of a row's pixels.
     const cv::Mat whole = image.isContinuous() ? image : image.clone();
     message["width"] = whole.cols;
     message["height"] = whole.rows;
+    // Foxglove's word for 16 bits of gray, little-endian as this machine is.
     message["encoding"] = "mono16";
     message["step"] = whole.cols * whole.elemSize();
     data = base64({whole.data, whole.total() * whole.elemSize()});

@@ -23,6 +23,7 @@ struct CompareWords {
   bool json = false;
 };
 
+/// The cells as they are shown, the units of parameters in them.
 nlohmann::json lines_json(const std::vector<ComparedLine>& lines) {
   nlohmann::json all = nlohmann::json::object();
   for (const ComparedLine& line : lines) all[line.name] = line.cells;
@@ -41,14 +42,17 @@ nlohmann::json results_of(const std::vector<RunData>& runs) {
 
 int compare(const CompareWords& wanted) {
   // Beyond that the columns of a page and the colors of a plot cannot be told apart.
+  // In the words of the command line, before a record is read, which may take seconds.
   if (wanted.runs.size() < 2 || wanted.runs.size() > kMostCompared)
     throw ConfigError(
         fmt::format("compare: wants 2 to {} runs; got {}", kMostCompared, wanted.runs.size()));
+  // All in memory at once: the page lays their samples over each other.
   std::vector<RunData> runs;
   // All are read before anything is written: one that cannot be read leaves no page behind.
   for (const std::string& word : wanted.runs)
     runs.push_back(read_run(find_run(word, wanted.parent)));
   write_file(wanted.page, comparison_html(runs));
+  // The page is made in both cases; the standard output has text or JSON.
   if (!wanted.json) {
     std::cout << comparison_text(runs) << "page: " << wanted.page << "\n";
     return 0;

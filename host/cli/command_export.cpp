@@ -58,6 +58,7 @@ int export_command(const std::filesystem::path& folder, const ExportRequest& req
   } catch (const RecordError&) {
     throw;
   } catch (const std::runtime_error& error) {
+    // The writers know the staging folder; the reader of the message knows the export's.
     throw std::runtime_error(target.renamed(error.what()));
   }
   nlohmann::json names = nlohmann::json::array();

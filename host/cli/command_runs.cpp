@@ -74,6 +74,7 @@ void check(const RunFilter& filter) {
 nlohmann::json json_of(const std::optional<CatalogValue>& value) {
   if (!value || (!value->number && value->text.empty())) return nullptr;  // or not a number
   if (value->text.empty() && value->number) return *value->number;
+  // Both: a flag.
   if (value->number) return value->text == "true";
   return value->text;
 }
@@ -153,6 +154,7 @@ std::vector<std::string> shown_column(const std::vector<CatalogRow>& rows, std::
   for (const CatalogRow& row : rows) {
     const auto& value = row.columns[column];
     const bool number = value && value->number && value->text.empty();
+    // A flag has a number as well, and is shown by its text.
     numbers.push_back(number ? *value->number : std::nan(""));
     if (number) unit = value->unit;
   }
@@ -215,6 +217,7 @@ int list_runs(const std::filesystem::path& parent, const RunFilter& filter, List
   const std::string options = condition_of(filter);
   const CatalogRequest request{filter.where, filter.columns, filter.sort};
   std::vector<CatalogRow> rows = catalog.find(request, options);
+  // The newest are the last, since the catalog gives the oldest first.
   // Counted after the filter, so that `--protocol x --newest 5` is the five newest of that
   // protocol.
   const auto newest = static_cast<std::size_t>(filter.newest);

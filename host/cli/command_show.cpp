@@ -155,6 +155,7 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
 
 /// Texts as they are printed, bytes in hexadecimal.
 nlohmann::json json_of(const std::vector<LinkRow>& rows) {
+  // Time in s of the run's clock.
   nlohmann::json list = nlohmann::json::array();
   for (const LinkRow& row : rows)
     list.push_back({{"time", to_seconds(row.time)},
@@ -176,6 +177,7 @@ int show_links(const std::filesystem::path& folder, const std::string& role, boo
                       ": has no bytes of links; vitreo run --trace-links records them");
   std::set<std::string> roles;
   for (const LinkRow& row : rows) roles.insert(row.role);
+  // Refused and not empty: a misspelt role would look like a silent instrument.
   if (!role.empty() && !roles.contains(role))
     throw RecordError(fmt::format("{}: no link of the role {} was traced, only of {}",
                                   folder.string(), role, fmt::join(roles, ", ")));
@@ -186,6 +188,7 @@ int show_links(const std::filesystem::path& folder, const std::string& role, boo
 
 int show_run(const std::filesystem::path& folder, bool json, std::ostream& out) {
   const RunData data = read_run(folder);
+  // The record has no outcome before its end; the head says whether it is running or lost.
   const RunHead head = read_head(folder);
   if (json)
     out << dumped(json_of(data, head)) << "\n";

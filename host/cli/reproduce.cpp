@@ -86,8 +86,7 @@ int measure_laboratory(Program& program, ReproduceRequest request, const fs::pat
 }
 
 // Each run is a process of its own: the state of one run cannot leak into the next, and the cores
-// are used. The page in docs/ is written over
-// only by the whole plan with its own settings.
+// are used. The page in docs/ is written over only by the whole plan with its own settings.
 int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   const RigDescription plan = program.engine().load_rig(
       wanted.plan.empty() ? Program::in_data_folder("scripts/reproduction.lua") : wanted.plan);

@@ -32,6 +32,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kFailuresShown = 10;
 
+/// The words of the command, with the defaults that --help states.
 struct SweepWords : ProtocolOptions {
   int repeats = 1;
   std::string seeds = "fresh";
@@ -110,6 +111,7 @@ class Progress {
 
  private:
   void wipe() {
+    // To the begin of the line, and erase to its end (EL of ECMA-48).
     if (drawn_) fmt::print(stderr, "\r\x1b[K");
     drawn_ = false;
   }
@@ -123,11 +125,13 @@ class Progress {
 
 RunnerEnd execute(Program& program, const PointFolder& folder, const SweepWords& wanted) {
   Progress progress(folder.points().size(), wanted.quiet);
+  // What earlier calls have finished counts.
   std::size_t done = folder.points().size() - folder.unfinished().size();
   ExecuteOptions options;
   options.jobs = wanted.jobs > 0 ? wanted.jobs : cores();
   options.detach = wanted.detach;
   if (wanted.slurm)
+    // This very program: a node may have another one of its name on the PATH.
     options.slurm =
         SlurmRequest{fs::read_symlink("/proc/self/exe").string(), wanted.tasks, wanted.sbatch};
   options.note = [&progress](const std::string& text) { progress.note(text); };
@@ -184,6 +188,7 @@ void print_summary(const SweepTable& table, const fs::path& folder) {
 
 /// Table and page of what there is, whether it is all or not.
 int conclude(const PointFolder& folder, const SweepWords& wanted, RunnerEnd end) {
+  // Soaks and reproductions have no table: their own commands report.
   if (folder.head().value("kind", "") != "sweep") return end == RunnerEnd::all_done ? 0 : 5;
   const SweepTable table = read_table(folder);
   write_tables(table, folder);
@@ -206,15 +211,19 @@ int work_at(Program& program, const SweepWords& wanted) {
   const PointFolder folder(wanted.work);
   check_plan(program.engine(), folder);
   RunnerOptions options;
+  // The script says how many cores the task was given.
   options.jobs = std::max(wanted.jobs, 1);
   options.offset = slurm_offset(folder.points().size());
+  // A task that finds no point ends, and its cores are free for others.
   options.wait_for_others = false;
   options.note = [](const std::string& text) { fmt::print(stderr, "{}\n", text); };
   options.finished = [](std::size_t point, const nlohmann::json& result) {
     fmt::print("point {}: {}\n", point, result.value("outcome", ""));
+    // At once: the log has it also when the task is killed.
     std::fflush(stdout);
   };
   const RunnerEnd end = run_points(folder, body_of(program.engine(), folder), options);
+  // A point that failed is a row of the table and no failure of the task.
   return static_cast<int>(end == RunnerEnd::stopped ? ExitCode::stopped : ExitCode::completed);
 }
 
@@ -246,6 +255,7 @@ int sweep(Program& program, SweepWords& wanted) {
   wanted.request.where.out = out.empty() ? "sweeps" : out;
   const SweepRequest request = request_of(program, wanted);
   check_laboratory(program, request.run.where.rig_file, wanted);
+  // Before the folder is made: a mistake in the words leaves none behind.
   const PointPlan plan = plan_sweep(program.engine(), request);
   if (wanted.list) return list_points(plan, wanted.json);
   const fs::path place = out.empty()
@@ -312,6 +322,7 @@ void add_run_words(Command& command, SweepWords& wanted) {
 
 void add_sweep(CommandLine& line, Program& program) {
   const auto wanted = std::make_shared<SweepWords>();
+  // Empty means a new folder in sweeps/.
   wanted->request.where.out.clear();
   Command command = line.command(
       "sweep",

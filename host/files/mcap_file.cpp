@@ -126,6 +126,7 @@ std::uint16_t McapFile::State::schema(const std::string& name, const std::string
     const std::string whole =
         record(kSchema, Fields().add(id).text(name).text("jsonschema").text(text));
     put(whole);
+    // Once more in the summary, as a reader that seeks has not read this one.
     summary[kSchema] += whole;
   }
   return entry->second;
@@ -280,6 +281,7 @@ void McapFile::finish() {
   const std::uint64_t offsets_at = summary_at + whole.size();
   whole += offsets + head(kFooter, 20) + Fields().add(summary_at).add(offsets_at).str();
   state.put(whole + Fields().add(crc32(whole.data(), whole.size())).str());
+  // Only now is it an MCAP file: readers look for the magic at both ends.
   state.put(kMcapMagic);
 }
 

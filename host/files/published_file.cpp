@@ -27,6 +27,7 @@ namespace fs = std::filesystem;
 
 /// A file of a name of its own, in the same folder, whole and on the disk; it goes with
 /// the scope.
+/// After a kill it stays: the name begins with a dot, and readers pass it by.
 class Draft {
  public:
   Draft(const fs::path& file, std::string_view bytes)
@@ -57,6 +58,7 @@ class Draft {
 bool publish_new(const fs::path& file, std::string_view bytes) {
   const Draft draft(file, bytes);
   const int result = ::link(draft.name().c_str(), file.c_str());
+  // Kept: stat() may set another one.
   const int error = errno;
   struct stat about {};
   const bool linked =

@@ -31,6 +31,7 @@ constexpr std::uint32_t kUncompressedFourCc = 0x2EB524;
 constexpr std::uint32_t kCluster = 0x1F43B675;
 constexpr std::uint32_t kTimestamp = 0xE7;
 constexpr std::uint32_t kSimpleBlock = 0xA3;
+// TimestampScale: what one unit of all times in the film is.
 constexpr std::uint64_t kMicrosecond = 1000;  // ns
 
 // Big-endian, as everything in EBML.
@@ -40,6 +41,7 @@ std::string number(std::uint64_t value, int bytes) {
   return text;
 }
 
+/// An identifier has its length in its first bits, so it is written as it stands above.
 std::string id_text(std::uint32_t id) {
   return number(id, id > 0xFFFFFF ? 4 : id > 0xFFFF ? 3 : id > 0xFF ? 2 : 1);
 }
@@ -53,6 +55,7 @@ std::string element(std::uint32_t id, const std::string& content) {
 }
 std::string element(std::uint32_t id, std::uint64_t value) { return element(id, number(value, 8)); }
 
+/// The codes by which FFmpeg knows raw pixels: gray, gray16le and bgr24.
 std::string four_cc(RawPixels pixels) {
   switch (pixels) {
     case RawPixels::gray8:

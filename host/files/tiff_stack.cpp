@@ -44,6 +44,7 @@ class Directory {
   std::uint32_t count_ = 0;
   std::string entries_;
 };
+/// TIFF 6.0, section 2: how many entries, 12 bytes each, and the place of the next directory.
 constexpr std::uint64_t directory_bytes(int entries) {
   return 2 + static_cast<std::uint64_t>(entries) * 12 + 4;
 }
@@ -180,6 +181,7 @@ void write_tiff_stack(const std::filesystem::path& file, const TiffStack& stack,
   const std::uint64_t size = stack.page_bytes();
   Tail tail{kTiffHead + (pages * size + 1) / 2 * 2};
   Places at;
+  // A text of TIFF ends with a NUL, which counts.
   at.description = tail.add(stack.description + '\0');
   at.bits = tail.add(u16(8) + u16(8) + u16(8));
   at.largest = tail.add(u16(255) + u16(255) + u16(255));
@@ -193,11 +195,13 @@ void write_tiff_stack(const std::filesystem::path& file, const TiffStack& stack,
   std::string directories;
   for (std::size_t i = 0; i < pages; ++i) {
     const std::uint64_t place = kTiffHead + i * size;
+    // As they come: no more than a page of pixels is in memory.
     write_at(out.number(), place, pixels(i), file);
     const int entries = i > 0                  ? kPageEntries
                         : stack.labels.empty() ? kPageEntries + 1
                                                : kFirstPageEntries;
     const std::uint64_t next = first_at + directories.size() + directory_bytes(entries);
+    // The last one has 0 for the next.
     directories += page(stack, at, i == 0, labels, place, i + 1 < pages ? next : 0);
   }
   write_at(out.number(), tail.begin, tail.bytes + directories, file);

@@ -38,6 +38,7 @@ constexpr double kTextHeight = 18;   // likewise
 constexpr double kBelowHeight = 34;  // with a second line
 
 /// `share`: 0 the least, 1 the most.
+/// The table goes from violet to yellow, the scale from yellow to violet.
 Color color_at(double share) {
   const double place = (1 - std::clamp(share, 0.0, 1.0)) * static_cast<double>(kViridis.size() - 1);
   const auto below = std::min(static_cast<std::size_t>(place), kViridis.size() - 2);
@@ -61,6 +62,7 @@ const char* ink_on(const Color& color) {
   };
   const double luminance =
       0.2126 * linear(color[0]) + 0.7152 * linear(color[1]) + 0.0722 * linear(color[2]);
+  // Where black and white have the same contrast: (L + 0.05)^2 = 0.05 * 1.05 at L = 0.179.
   return luminance > 0.18 ? "#06130E" : "#FFFFFF";
 }
 
@@ -69,6 +71,7 @@ struct Scale {
   Range range{};
   bool logarithmic = false;
   double share(double value) const {
+    // One value alone, or none.
     if (!(range.span() > 0)) return 0;
     return logarithmic ? std::log(value / range.low) / std::log(range.high / range.low)
                        : (value - range.low) / range.span();
@@ -80,6 +83,7 @@ Scale scale_of(const HeatMap& map) {
   Scale scale;
   for (const HeatCell& cell : map.cells)
     if (drawable(cell.value)) scale.range.include(cell.value);
+  // A value that is zero or below has no logarithm.
   scale.logarithmic = scale.range.low > 0 && scale.range.high > 3 * scale.range.low;
   return scale;
 }
@@ -91,6 +95,7 @@ class Drawer {
       : map_(map), scale_(scale_of(map)), width_(width), height_(height) {
     std::size_t longest = 1;
     for (const std::string& row : map.rows) longest = std::max(longest, row.size());
+    // 40 px for the title of the axis and its air, 6.2 px for each letter of 11 px.
     box_ = {40 + 6.2 * static_cast<double>(std::min<std::size_t>(longest, 16)), 36, 0, 0};
     box_.width = width - box_.left - 12;
     box_.height = height - box_.top - (map.note.empty() ? 74 : 90);
@@ -112,6 +117,7 @@ class Drawer {
     const HeatCell& cell = map_.cells[row * map_.columns.size() + column];
     const double x = box_.left + cell_width_ * static_cast<double>(column);
     const double y = box_.bottom() - cell_height_ * static_cast<double>(row + 1);
+    // In a map of many cells the gap shrinks with them.
     const double gap = std::min({kGap, cell_width_ / 8, cell_height_ / 8});
     const double w = cell_width_ - gap;
     const double h = cell_height_ - gap;
@@ -127,6 +133,7 @@ class Drawer {
     const bool two = !cell.below.empty() && h >= kBelowHeight;
     const char* const ink = there ? ink_on(color) : kInk;
     const double middle = x + w / 2;
+    // A ground for the word, so that the cross does not run through it.
     if (!there && !cell.text.empty())
       svg += fmt::format(
           "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"18\" "
@@ -177,6 +184,7 @@ class Drawer {
     constexpr int kSteps = 48;
     constexpr double kStep = 3;
     svg += text_svg(left - 6, y + 10, low, {11, "end", kSoftInk, ""});
+    // A little wider than their distance, so that no seam shows between two.
     for (int i = 0; i < kSteps; ++i)
       svg += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{}\" height=\"12\" fill=\"{}\"/>",
                          left + kStep * i, y, kStep + 0.3, hex(color_at((i + 0.5) / kSteps)));

@@ -175,6 +175,7 @@ class SpreadDrawer {
     }
     // Gaps side by side leave strokes without a point.
     std::erase_if(strokes, [](const Stroke& stroke) { return stroke.empty(); });
+    // What comes last lies on top.
     return bars + series_svg(strokes, pen) + marks;
   }
 

@@ -9,6 +9,7 @@
 
 namespace vitreo {
 
+/// A tenth of a px cannot be seen, and more digits would make the page longer.
 std::string text_svg(double x, double y, std::string_view text, const TextStyle& style) {
   return fmt::format(
       "<text x=\"{:.1f}\" y=\"{:.1f}\" font-size=\"{}\" text-anchor=\"{}\" fill=\"{}\"{}>{}</text>",
@@ -25,6 +26,7 @@ double crisp(double px) { return std::floor(px) + 0.5; }
 
 std::string open_svg(double width, double height, std::string_view title) {
   return fmt::format(
+      // Programs that read a page aloud take the role and the title (WAI-ARIA).
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" "
       "height=\"{1}\" role=\"img\" "
       "font-family=\"Helvetica Neue, Helvetica, Arial, Liberation Sans, sans-serif\">"

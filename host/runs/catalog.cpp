@@ -60,7 +60,8 @@ constexpr const char* kRunColumns =
 // the index.
 constexpr std::int64_t kFirstTemporary = std::int64_t{1} << 40;
 
-/// Inode, size and time of modification (ns) of run.sqlite, as it is now; empty where there is none.
+/// Inode, size and time of modification (ns) of run.sqlite, as it is now; empty where there is
+/// none.
 std::string mark_of(const fs::path& folder) {
   struct stat status = {};
   if (stat((folder / "run.sqlite").c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return "";
@@ -343,7 +344,7 @@ std::vector<CatalogRow> Catalog::find(const CatalogRequest& request, const std::
       "SELECT id, name, time, protocol, title, operator, seed, outcome, reason, experiment_time, "
       "rig, ended_by FROM all_run WHERE " +
       where.sql + " ORDER BY " + order.sql + "name");
-  // The marks of the condition stand before those of the order.
+  // The parameters of the condition stand before those of the order.
   int index = 0;
   for (const SqlCondition* const part : std::initializer_list<const SqlCondition*>{&where, &order})
     for (const auto& value : part->values)

@@ -35,8 +35,6 @@ std::optional<std::int64_t> parse_time_stamp(const std::string& text) {
   if (std::sscanf(text.c_str(), "%4d-%2d-%2dT%2d:%2d:%2d%n", &parts.tm_year, &parts.tm_mon,
                   &parts.tm_mday, &parts.tm_hour, &parts.tm_min, &parts.tm_sec, &used) != 6)
     return {};
-  // The parts are taken as UTC (mktime() would take this machine's zone); the zone that follows
-  // them is accounted for at the end.
   parts.tm_year -= 1900;
   parts.tm_mon -= 1;
   // timegm() and not mktime(): the zone of the machine that reads must not matter.
@@ -61,15 +59,12 @@ std::optional<std::int64_t> parse_time_stamp(const std::string& text) {
       (sign != '+' && sign != '-'))
     return {};
   // Local time is UTC plus the offset, so it is taken off.
-  // A clock east of Greenwich is ahead of UTC.
   return ns - (sign == '+' ? 1 : -1) * (hours * 3600 + minutes * 60) * kNsPerSecond;
 }
 
 /// From the most exact source to the least: the start record (since version 5), the note of a run
 /// on real instruments, and the begin of the record to a second.
 std::int64_t t0_utc_ns(const RunData& data) {
-  // The record's own column, then the engine's event, then the begin of the record to a second: the
-  // best that a record of that age has.
   if (data.start.t0_utc_ns) return *data.start.t0_utc_ns;
   if (const auto exact = noted(data)) return *exact;
   if (const auto begun = parse_time_stamp(read_head(data.folder).time)) return *begun;

@@ -53,7 +53,6 @@ struct Token {
 /// Letters of other alphabets are taken as they are: bytes of UTF-8 from 0x80 on.
 bool is_word(char c) {
   const auto byte = static_cast<unsigned char>(c);
-  // Bytes of UTF-8 beyond ASCII are letters: keys of tags may have them.
   return std::isalnum(byte) != 0 || c == '_' || c == '.' || byte >= 0x80;
 }
 
@@ -99,7 +98,6 @@ class Lexer {
     while (at_ < query_.size() && std::isspace(static_cast<unsigned char>(query_[at_])) != 0) ++at_;
   }
 
-  /// There are no escapes: a text with one kind of quotes stands in the other kind.
   Token quoted(char quote) {
     const std::size_t at = at_;
     // No escapes: a text with one kind of quotation mark is put into the other kind.
@@ -112,7 +110,6 @@ class Lexer {
   Token operation() {
     const std::size_t at = at_;
     // The longer ones first, or "<=" would be read as "<".
-    // Longer signs first, since "<=" begins with "<".
     for (const char* const sign : {"<=", ">=", "!=", "==", "<", ">", "=", "~"})
       if (query_.compare(at, std::string_view(sign).size(), sign) == 0) {
         at_ += std::string_view(sign).size();
@@ -187,7 +184,6 @@ class Parser {
     return true;
   }
 
-  /// A function for each rank: `not` binds closer than `and`, and that closer than `or`.
   SqlCondition disjunction() {
     // "or" binds less than "and", as everywhere.
     SqlCondition left = conjunction();
@@ -227,7 +223,6 @@ class Parser {
       fail(query_, name.at,
            name.kind == Token::Kind::end ? "a condition is missing" : "wants a name");
     const QueryName meant = named(name);
-    // A name alone asks whether a run has it.
     if (peek().kind != Token::Kind::operation) return has(meant);
     const std::string operation = take().text;
     const Token value = take();
@@ -262,7 +257,6 @@ class Parser {
     }
     // "2026-11" compares months: as much of the time as was typed.
     if (field == "time")
-      // As many characters as were written: time = 2026-11 is the whole month.
       return {fmt::format("substr(time, 1, {}) {} ?", value.text.size(), operation), {value.text}};
     const bool ordered = operation != "=" && operation != "!=";
     if (field == "version") {

@@ -15,7 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 
 // Of one run in the index: ten thousand runs stay below 100 MB.
-// Enough for a search; a run that makes a note each second must not fill the index.
 constexpr std::size_t kLongestWords = 8192;  // bytes
 
 /// Empty for what is none: a damaged column costs its values and not the run.
@@ -42,13 +41,9 @@ void read_stop(OpenRecord& record, const fs::path& folder, RunSummary& run) {
   // A closed record has no write-ahead log: its files do not change any more, so the index may keep
   // what it has read.
   std::error_code error;
-  // The writer removes the WAL when it closes the database. While there is one, a checkpoint may
-  // still change run.sqlite.
   run.lasting = !fs::exists(folder / "run.sqlite-wal", error);
 }
 
-/// A flag has both forms, for a query may ask for `true` or for 1. A list is JSON, with the unit of
-/// its numbers.
 NamedValue value_of(char kind, const std::string& name, const nlohmann::json& value,
                     const std::string& unit) {
   NamedValue made{kind, name, std::nullopt, "", ""};
@@ -72,8 +67,6 @@ void read_start(OpenRecord& record, const fs::path& folder, RunSummary& run) {
       "run", {"time", "protocol", "title", "operator", "seed", "parameters", "parameter_units",
               "json_extract(rig, '$.file')", "t0_utc_ns", "tags", "sample"});
   // Written first of all: without it the folder is no run, or one that was cut off at once.
-  // SQLite takes the name of the rig's file out of its JSON: the settings, which are long, are not
-  // parsed here.
   if (!row.step()) throw RecordError(folder.string() + ": its start record is missing");
   RunHead& head = run.head;
   head.time = row.text(0);
@@ -103,7 +96,6 @@ void read_start(OpenRecord& record, const fs::path& folder, RunSummary& run) {
 
 /// The table was called `figure` in older records. SQLite stores a NaN as NULL.
 void read_results(OpenRecord& record, RunSummary& run) {
-  // The name of the table in old records.
   Statement row = record.select(record.has_table("result") ? "result" : "figure",
                                 {"name", "value", "unit"}, "ORDER BY rowid");
   while (row.step())

@@ -11,6 +11,7 @@ namespace {
 std::optional<std::string_view> behind_number(std::string_view item) {
   const std::size_t first = item.find_first_not_of(" \t+");
   if (first == std::string_view::npos) return std::nullopt;
+  // from_chars() takes no "+".
   item.remove_prefix(first);
   double ignored = 0;
   const auto read = std::from_chars(item.data(), item.data() + item.size(), ignored);
@@ -33,9 +34,11 @@ std::vector<std::string> split_text(std::string_view text, std::string_view sepa
 }
 
 void share_units(std::vector<std::string>& items) {
+  // From the end: a unit holds for the bare numbers before it, up to one that has its own.
   std::string unit;
   for (auto item = items.rbegin(); item != items.rend(); ++item) {
     const auto behind = behind_number(*item);
+    // A word is no number, and the unit reaches past it.
     if (!behind) continue;
     if (behind->empty())
       *item += unit;

@@ -196,6 +196,7 @@ std::unique_ptr<PointClaim> PointFolder::claim(std::size_t point) const {
   if (is_marked(point)) return nullptr;
   const fs::path file = claim_file(point, generation);
   fs::create_directories(file.parent_path());
+  // Of several that found the owner dead, another one was first.
   if (!publish_new(file, this_owner().dump() + "\n")) return nullptr;
   auto claim = std::make_unique<PointClaim>(file, generation);
   // Its last owner may have finished between the two questions.

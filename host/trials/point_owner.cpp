@@ -62,10 +62,13 @@ nlohmann::json this_owner() {
 
 OwnerLife life_of(const nlohmann::json& owner) {
   if (!owner.is_object() || !owner.contains("process") || !owner["process"].is_number_integer())
+    // A claim that cannot be read: its age decides.
     return OwnerLife::elsewhere;
+  // After a restart the boot is another one, so that the owners of before it end by the lease.
   const nlohmann::json here = this_place();
   for (const auto& [key, value] : here.items())
     if (!owner.contains(key) || owner[key] != value) return OwnerLife::elsewhere;
+  // The number may have been given to a later process, which began at another tick.
   const std::string start = start_of(std::to_string(owner["process"].get<long>()));
   return !start.empty() && owner.value("start", "") == start ? OwnerLife::lives : OwnerLife::dead;
 }

@@ -30,6 +30,7 @@ class Runner {
  public:
   Runner(const PointFolder& folder, const PointBody& body, const RunnerOptions& options)
       : folder_(folder), body_(body), options_(options) {
+    // From the offset once round, so that tasks of an array seldom meet.
     const std::vector<std::size_t> left = folder.unfinished();
     const auto first = std::lower_bound(left.begin(), left.end(), options.offset);
     waiting_.assign(first, left.end());
@@ -39,6 +40,7 @@ class Runner {
 
  private:
   struct Work {
+    // Gives the point back where it is destroyed without having been kept.
     std::unique_ptr<PointClaim> claim;
     std::string result;
     int tries = 1;
@@ -76,6 +78,7 @@ class Runner {
 bool Runner::is_full(std::size_t others) const {
   const DiskLimits limits;
   const bool frames = !folder_.head().value("frames", nlohmann::json::array()).empty();
+  // Each run under way may still lay down its reserve.
   return free_bytes(folder_.folder()) <
          (frames ? limits.stop_bytes_with_frames : limits.stop_bytes) +
              (others + 1) * limits.reserve_bytes;
@@ -130,6 +133,7 @@ void Runner::finish(std::size_t point, nlohmann::json result, const Work& work) 
     return give_up(full_text() + " (point " + std::to_string(point) + ": " +
                    result.value("reason", "") + ")");
   result["tries"] = work.tries;
+  // False where another process was first: its result stands, and is not told twice.
   if (folder_.mark(point, result) && options_.finished) options_.finished(point, result);
   work.claim->keep();
 }
@@ -196,6 +200,7 @@ RunnerEnd Runner::run() {
         return elsewhere_.empty() ? RunnerEnd::all_done : RunnerEnd::some_left;
       continue;
     }
+    // All lines of a worker come before its end, its result among them.
     for (const WorkerPool::Event& event : pool_.wait(kTurn)) {
       if (event.ended)
         ended(event.task, event.status);
@@ -213,6 +218,7 @@ RunnerEnd Runner::run() {
 
 RunnerEnd run_points(const PointFolder& folder, const PointBody& body,
                      const RunnerOptions& options) {
+  // Before the first fork: the children put the signals back (run_child()).
   const StopCount counting;
   return Runner(folder, body, options).run();
 }

@@ -130,6 +130,7 @@ nlohmann::json run_in_laboratory(const nlohmann::json& what) {
 /// The run of a point from its mark.
 ReproducedRun reproduced(const PlannedRun& plan, const nlohmann::json& what,
                          const nlohmann::json& result) {
+  // The words of a mark; read_rows() opens the run's own folder.
   ReproducedRun done;
   done.plan = plan;
   done.outcome = text_of(result, "outcome");
@@ -245,6 +246,7 @@ std::vector<PlannedRun> read_plan(const RigDescription& file) {
   std::vector<PlannedRun> runs;
   ConfigReader reader(file);
   for (const std::string& key : reader.keys()) {
+    // A table a run. Its name goes into the key of the point.
     ConfigReader one = reader.table(key);
     if (one.has("joins")) continue;
     PlannedRun run;
@@ -282,6 +284,7 @@ std::vector<ReproducedRun> reproduce(ScriptEngine& engine, const ReproduceReques
                                  ? PointFolder::create(make_run_folder(request.out, "reproduction"),
                                                        reproduction_plan(request))
                                  : PointFolder(request.resume);
+  // Compared by the keys: --resume with other options would mix two reproductions.
   const PointPlan wanted = reproduction_plan(request);
   for (std::size_t i = 0; i < wanted.points.size(); ++i)
     if (folder.points().size() != wanted.points.size() ||

@@ -16,6 +16,7 @@
 namespace vitreo {
 namespace {
 
+// Of one axis, before memory is taken for it; --most bounds the product of all.
 constexpr std::size_t kMostOnOneAxis = 1'000'000;
 
 [[noreturn]] void fail_axis(const std::string& name, const std::string& problem) {
@@ -101,6 +102,8 @@ void add_number_range(SweepAxis& axis, const RangeWord& word) {
 /// "0.1,0.5..2mm/s:3": items and ranges, of which the last unit holds for those before it.
 void add_numbers(SweepAxis& axis, const std::string& text) {
   const std::string& name = axis.parameter.name;
+  // Items and ends of ranges in one list, so that a unit at its end reaches those before it. `next`
+  // goes through it once more.
   std::vector<std::string> flat;
   std::vector<std::optional<RangeWord>> ranges;
   for (const std::string& item : split_text(text, ",")) {
@@ -135,6 +138,7 @@ void add_vectors(SweepAxis& axis, const std::string& text) {
     axis.values.push_back(read_argument(axis.parameter, text));
     return;
   }
+  // Both places in one list: a unit behind the last component holds for all six.
   RangeWord word = read_range_word(name, text);
   std::vector<std::string> flat = split_text(word.low + "," + word.high, ",");
   const auto middle = static_cast<std::ptrdiff_t>(split_text(word.low, ",").size());
@@ -194,7 +198,9 @@ void refuse_twice(const SweepAxis& axis) {
 class Drawing01 {
  public:
   explicit Drawing01(std::uint64_t seed) : random_(seed * 0x9E3779B97F4A7C15U + 0x53EE) {}
+  /// 53 bits, as many as the mantissa of a double has: from 0 to below 1.
   double uniform() { return static_cast<double>(random_() >> 11U) * 0x1p-53; }
+  /// The remainder favors small numbers by less than count / 2^64.
   std::size_t below(std::size_t count) { return static_cast<std::size_t>(random_() % count); }
 
  private:
@@ -224,6 +230,7 @@ std::vector<SweepSetting> draw_settings(const std::vector<SweepAxis>& axes,
   for (const SweepAxis& axis : axes) {
     std::vector<std::size_t> stratum(draws.count);
     std::iota(stratum.begin(), stratum.end(), std::size_t{0});
+    // Fisher and Yates' shuffle; independent draws have no strata.
     for (std::size_t i = draws.count; draws.kind == Draw::latin && i > 1; --i)
       std::swap(stratum[i - 1], stratum[dice.below(i)]);
     for (std::size_t i = 0; i < draws.count; ++i) {

@@ -30,6 +30,7 @@ std::string figure(const std::string& svg, bool wide) {
 std::vector<std::size_t> all_rows(const SweepTable& table) { return group_rows(table, {}).front(); }
 
 /// The unit of a result, as a plot takes it.
+/// By all rows, so that every drawing of a result has the same unit.
 std::string shown_unit(const SweepTable& table, std::size_t result) {
   const std::string& dimension = table.columns[result].unit;
   const auto unit = column_unit(numbers_of(table, result, all_rows(table)), dimension);
@@ -51,6 +52,8 @@ bool in_steps(const VariedColumn& column) {
   if (!column.numeric) return true;
   const double low = number_in(column.values.front());
   const double high = number_in(column.values.back());
+  // So many labels fit below an axis. Values are ascending; beyond a factor of five the small ones
+  // would crowd at its begin.
   return column.values.size() <= 16 && low > 0 && high > 5 * low;
 }
 
@@ -83,6 +86,7 @@ std::string lines_svg(const SweepTable& table, const std::vector<VariedColumn>& 
   std::vector<const VariedColumn*> drawn{&along};
   if (by != nullptr) drawn.insert(drawn.begin(), by);
   const auto groups = group_rows(table, drawn);
+  // Of the groups the last column, `along`, changes fastest.
   const std::size_t curves = by == nullptr ? 1 : by->values.size();
   for (std::size_t curve = 0; curve < curves; ++curve) {
     SpreadSeries series;
@@ -124,6 +128,7 @@ std::string map_svg(const SweepTable& table, const std::vector<VariedColumn>& va
   map.y_label = y.title();
   map.columns = x.labels;
   map.rows = y.labels;
+  // Row by row as a HeatMap has its cells: x changes fastest, the least y is the lowest row.
   const auto groups = group_rows(table, {&y, &x});
   std::size_t most = 0;
   for (const auto& rows : groups) most = std::max(most, rows.size());
@@ -209,6 +214,7 @@ std::string sweep_figures(const SweepTable& table, const std::vector<VariedColum
   std::stable_partition(order.begin(), order.end(), [](const auto* one) { return one->numeric; });
   if (!whole) return figure(one_svg(table, varied, result, *order.front(), kHalfFigure), false);
   std::string figures;
+  // A map needs values that come back, which drawn ones do not.
   if (order.size() > 1 && !order[0]->drawn && !order[1]->drawn)
     figures += figure(map_svg(table, varied, result, *order[0], *order[1]), true);
   const bool single = order.size() == 1;

@@ -76,6 +76,7 @@ std::vector<VariedColumn> varied_columns(const SweepTable& table) {
     varied.column = column;
     varied.name = table.columns[column].name;
     varied.numeric = true;
+    // In the order of the plan, each value once.
     std::map<std::string, bool> seen;
     for (const auto& row : table.rows) {
       if (!seen.emplace(text_in(row[column]), true).second) continue;
@@ -123,6 +124,7 @@ std::vector<double> numbers_of(const SweepTable& table, std::size_t column,
   std::vector<double> numbers;
   for (const std::size_t row : rows) {
     const double number = number_in(table.rows[row][column]);
+    // A point that did not state the result has an empty cell, which is a NaN here.
     if (std::isfinite(number)) numbers.push_back(number);
   }
   return numbers;

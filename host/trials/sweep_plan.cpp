@@ -44,6 +44,7 @@ ArgumentValue value_from(const nlohmann::json& json) {
 }
 
 /// The words of `vitreo run` that make the same request.
+/// Read again by the code of the command line, so that a point is what `vitreo run` does.
 std::vector<std::string> argument_words(const ProtocolDescription& protocol,
                                         const nlohmann::json& values) {
   std::vector<std::string> words;
@@ -146,6 +147,7 @@ std::uint64_t seed_of(const SweepRequest& request, std::size_t settings, std::si
                       std::size_t repeat) {
   const std::uint64_t first = request.run.how.seed;
   if (request.seeds == SweepSeeds::same) return first;
+  // Repeat by repeat through all settings: more repeats add seeds at the end.
   return request.seeds == SweepSeeds::paired ? first + repeat : first + repeat * settings + setting;
 }
 
@@ -174,6 +176,7 @@ PointPlan plan_sweep(ScriptEngine& engine, const SweepRequest& request) {
                                    {"values", values[setting]}};
       nlohmann::json all = what;
       all.erase("setting");
+      // What else decides about the result, and so about the key. The operator does not.
       for (const char* key : {"frames", "answers", "faults"}) all[key] = plan.head[key];
       all["protocol"] = plan.head["protocol"]["sha256"];
       all["rig"] = plan.head["rig"]["sha256"];
@@ -221,6 +224,7 @@ nlohmann::json run_request_point(ScriptEngine& engine, const RunRequest& request
   }
 }
 
+/// A protocol that cannot be read any more is the result of its points and ends no sweep.
 nlohmann::json run_sweep_point(ScriptEngine& engine, const nlohmann::json& head,
                                const nlohmann::json& what, const fs::path& out) {
   RunRequest request = request_of(head);

@@ -353,6 +353,7 @@ std::string sweep_report_html(const SweepTable& table, const nlohmann::json& hea
                       .style = kStyle});
 }
 
+/// Replaced as a whole: a browser finds the old page or the new one.
 void write_sweep_report(const SweepTable& table, const PointFolder& folder,
                         const std::string& shown) {
   publish(folder.folder() / "report.html", sweep_report_html(table, folder.head(), shown));

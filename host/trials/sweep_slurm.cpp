@@ -81,12 +81,13 @@ std::string submit_slurm(const PointFolder& folder, const SlurmRequest& request)
   const fs::path place = folder.folder() / "slurm";
   fs::create_directories(place);
   publish(place / "task.sh", script_of(folder, request));
-  std::vector<std::string> words{"sbatch",
-                                 "--parsable",
-                                 "--requeue",
+  std::vector<std::string> words{"sbatch", "--parsable", "--requeue",
                                  "--job-name=" + job_name(folder.head()),
                                  fmt::format("--array=0-{}", tasks - 1),
+                                 // %A is the number of the array job, %a that of the task in it
+                                 // (sbatch(1)).
                                  "--output=" + (place / "%A_%a.txt").string()};
+  // Behind these: of an option that is given twice sbatch takes the last.
   words.insert(words.end(), request.options.begin(), request.options.end());
   words.push_back((place / "task.sh").string());
   Answer answer;
@@ -134,6 +135,7 @@ RunnerEnd wait_for_slurm(const PointFolder& folder, const std::string& job,
 
 // Tasks that begin at different points seldom ask for the same claim.
 std::size_t slurm_offset(std::size_t points) {
+  // In the environment of an array's tasks (sbatch(1)); numbers from 0, as --array says.
   const long tasks = number_of("SLURM_ARRAY_TASK_COUNT", 1);
   const long task = number_of("SLURM_ARRAY_TASK_ID", 0);
   if (tasks < 1 || task < 0 || task >= tasks) return 0;

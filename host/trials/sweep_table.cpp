@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -67,22 +68,35 @@ void add_values(const nlohmann::json& axis, const nlohmann::json& value,
     for (const nlohmann::json& one : value) row.push_back(cell_of(one));
 }
 
+/// A run's folder below runs/: in a large sweep there are folders between.
+std::string below_runs(const PointFolder& folder, std::size_t point, const std::string& run) {
+  const std::string between = folder.runs_of(point).filename().string();
+  return run.empty() || between == "runs" ? run : between + "/" + run;
+}
+
 /// Places of the results' columns, in the order in which the points name them.
 class ResultColumns {
  public:
   explicit ResultColumns(SweepTable& table) : table_(table) {
-    for (const SweepColumn& column : table.columns) taken_.insert(column.name);
+    for (const SweepColumn& column : table.columns) taken_.insert(lowered(column.name));
   }
   std::size_t of(const std::string& name, const std::string& unit) {
     const auto found = places_.find(name);
     if (found != places_.end()) return found->second;
     std::string free = name;
-    while (!taken_.insert(free).second) free = "result_" + free;
+    // A result may be called as a parameter or a column of every sweep is.
+    while (!taken_.insert(lowered(free)).second) free = "result_" + free;
     table_.columns.push_back({free, unit, ColumnRole::result});
     return places_[name] = table_.columns.size() - 1;
   }
 
  private:
+  /// Columns of SQLite are told apart without regard to case.
+  static std::string lowered(std::string name) {
+    for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return name;
+  }
+
   SweepTable& table_;
   std::set<std::string> taken_;
   std::map<std::string, std::size_t> places_;
@@ -95,6 +109,7 @@ void add_results(const nlohmann::json& result, ResultColumns& columns,
     const std::string name = one.at("name");
     if (depends_on_machine(name)) continue;
     const std::size_t place = columns.of(name, one.at("unit"));
+    // Rows grow with the columns; read_table() makes them equally long at the end.
     row.resize(std::max(row.size(), place + 1));
     row[place] = cell_of(one.at("value"));
   }
@@ -132,6 +147,7 @@ void fill_points(Database& database, const SweepTable& table) {
     shown += comma + quoted_identifier(column.name) + " AS " + quoted_identifier(header_of(column));
   }
   database.execute("CREATE TABLE points (" + names + ")");
+  // For people: queries are easier to write with the plain names.
   database.execute("CREATE VIEW points_with_units AS SELECT " + shown + " FROM points");
   Statement insert = database.prepare("INSERT INTO points VALUES (" + marks + ")");
   for (const auto& row : table.rows) {
@@ -197,6 +213,7 @@ SweepTable read_table(const PointFolder& folder) {
   for (const char* const name : {"outcome", "exit_code", "reason"})
     table.columns.push_back({name, ""});
   ResultColumns results(table);
+  // In the order of the plan, not in that of finishing, which differs from machine to machine.
   for (std::size_t point = 0; point < folder.points().size(); ++point) {
     const PlannedPoint& planned = folder.points()[point];
     std::vector<SweepCell> row{static_cast<double>(point), planned.key,
@@ -211,8 +228,9 @@ SweepTable read_table(const PointFolder& folder) {
     row.emplace_back(result.value("reason", ""));
     add_results(result, results, row);
     table.rows.push_back(std::move(row));
+    // These two depend on the machine. They are for the page, and in no table.
     table.wall_times.push_back(result.value("wall_time", kNothing));
-    table.runs.push_back(result.value("run", ""));
+    table.runs.push_back(below_runs(folder, point, result.value("run", "")));
   }
   for (auto& row : table.rows) row.resize(table.columns.size());
   return table;
@@ -251,6 +269,7 @@ std::string sqlite_of(const SweepTable& table, const nlohmann::json& head) {
   std::string bytes;
   try {
     Database database(file.string(), Database::Mode::create);
+    // Without a journal file: a database that is half made is thrown away.
     database.execute("PRAGMA journal_mode=MEMORY");
     database.execute("BEGIN");
     fill_points(database, table);
@@ -268,6 +287,8 @@ std::string sqlite_of(const SweepTable& table, const nlohmann::json& head) {
   return bytes;
 }
 
+/// Each file is replaced as a whole. A kill between the two leaves tables of two moments, which
+/// --resume makes anew.
 void write_tables(const SweepTable& table, const PointFolder& folder) {
   publish(folder.folder() / "sweep.csv", csv_of(table));
   publish(folder.folder() / "sweep.sqlite", sqlite_of(table, folder.head()));

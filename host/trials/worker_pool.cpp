@@ -21,6 +21,7 @@ namespace {
 // Those that a person or a scheduler ends a sweep with.
 constexpr std::array<int, 3> kStopSignals{SIGINT, SIGTERM, SIGHUP};
 volatile std::sig_atomic_t stops_asked = 0;  // a signal handler reaches nothing else
+// What was in force before. One StopCount lives at a time, so one set is enough.
 std::array<struct sigaction, kStopSignals.size()> handlers_before{};
 
 void count_stop(int) { stops_asked = stops_asked + 1; }
@@ -51,6 +52,7 @@ void write_all(int pipe, std::string text) {
   for (const int signal : kStopSignals) std::signal(signal, SIG_DFL);
   // Questions of a run are answered by --answer; its lines go through the pipe.
   const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC);
+  // The standard error stays: what a library says in distress is to be seen.
   ::dup2(nothing, STDIN_FILENO);
   ::dup2(nothing, STDOUT_FILENO);
   try {
@@ -88,6 +90,7 @@ WorkerPool::~WorkerPool() {
   }
 }
 
+/// To the worker alone, not to its group: it ends in order what it has started.
 void WorkerPool::signal(int number) const {
   for (const auto& [task, worker] : workers_) ::kill(worker.process, number);
 }
@@ -100,11 +103,18 @@ void WorkerPool::start(std::size_t task, const std::function<void(const SayLine&
   if (::pipe2(ends.data(), O_CLOEXEC) != 0) fail();
   const pid_t parent = getpid();
   const pid_t process = fork();
-  if (process < 0) fail();
+  if (process < 0) {
+    const int problem = errno;
+    ::close(ends[0]);
+    ::close(ends[1]);
+    errno = problem;
+    fail();
+  }
   if (process == 0) {
     ::close(ends[0]);
     run_child(parent, ends[1], body);
   }
+  // Before the next fork, so that no later worker has this end.
   ::close(ends[1]);
   // Read until there is no more, without waiting for one worker while others have something.
   ::fcntl(ends[0], F_SETFL, O_NONBLOCK);
@@ -147,7 +157,9 @@ std::vector<WorkerPool::Event> WorkerPool::wait(std::chrono::milliseconds patien
     // POLLHUP comes without POLLIN: the end of a worker that said nothing.
     if (ends[i].revents == 0) continue;
     take_lines(tasks[i], workers_.at(tasks[i]), events);
-    if (!events.empty() && events.back().ended) workers_.erase(tasks[i]);
+    // The last event may be another worker's: this one may have sent a part of a line only.
+    if (!events.empty() && events.back().ended && events.back().task == tasks[i])
+      workers_.erase(tasks[i]);
   }
   return events;
 }

@@ -9,6 +9,7 @@ namespace {
 
 using nlohmann::json;
 
+// A turn comes each 10 ms, so only a stream of more than 100 kHz would lose rows by it.
 constexpr std::size_t kMostNewRows = 1000;  // of a stream in one turn
 constexpr const char* kSceneTopic = "/scene";
 
@@ -17,6 +18,7 @@ constexpr const char* kSceneTopic = "/scene";
 // Three topics are there from the begin: a layout can be made before the first row comes.
 FoxgloveChannels::FoxgloveChannels(const Board& board, const RunTopics& topics)
     : board_(board), topics_(topics) {
+  // A client that comes later asks for all().
   json ignored = json::array();
   add({RunTopics::log()}, ignored);
   add({RunTopics::transforms()}, ignored);
@@ -46,6 +48,7 @@ json FoxgloveChannels::all() const {
   return list;
 }
 
+/// No channel is taken away while the run goes on: its number is its place for good.
 json FoxgloveChannels::discover() {
   json added = json::array();
   for (const StreamInfo& stream : board_.streams()) {
@@ -96,6 +99,7 @@ std::vector<ChannelMessage> FoxgloveChannels::first(std::size_t number) const {
     // Up to what news() has sent: the rest is still to come from there.
     for (const Line& line : board_.lines(0))
       if (line.number <= last_line_) messages.push_back(of_line(line));
+  // Stamped with the present, where a client looks that joins late.
   if (channel.topic.name == "/tf")
     messages.push_back({topics_.clock().ns(now), topics_.transforms_message(now)});
   if (channel.topic.name == kSceneTopic)
@@ -111,6 +115,8 @@ void FoxgloveChannels::news(const std::function<bool(std::size_t)>& wanted, cons
   for (Progress& stream : streams_) {
     const std::vector<Sample> rows = board_.samples(stream.stream, stream.last, kMostNewRows);
     if (rows.empty()) continue;
+    // Also of a stream without a subscription: a client that joins later begins with the newest
+    // row.
     stream.last = rows.back().time;
     for (std::size_t i = 0; i < channels_.size(); ++i) {
       if (!channels_[i].message || channels_[i].stream != stream.stream || !wanted(i)) continue;
@@ -118,6 +124,7 @@ void FoxgloveChannels::news(const std::function<bool(std::size_t)>& wanted, cons
         if (const auto message = of_row(channels_[i], row)) send(i, *message);
     }
   }
+  // The constructor adds it first.
   constexpr std::size_t kLog = 0;
   const bool reads_log = wanted(kLog);
   for (const Line& line : board_.lines(last_line_)) {
@@ -136,6 +143,7 @@ std::optional<ChannelMessage> FoxgloveChannels::picture(std::size_t channel,
   const std::optional<Frame> frame = board_.frame(camera, after);
   if (!frame) return {};
   auto& [number, message] = pictures_[camera];
+  // Of the same frame: encoded for another client already.
   if (message.text.empty() || number != frame->number) {
     number = frame->number;
     message = {topics_.clock().ns(frame->exposed),

@@ -30,6 +30,7 @@ std::string status_text(int level, const std::string& text) {
 std::shared_ptr<const std::string> message_data(std::uint32_t subscription,
                                                 const ChannelMessage& message) {
   const auto bytes = std::make_shared<std::string>();
+  // 1 + 4 + 8 bytes before the text, which is copied once.
   bytes->reserve(13 + message.text.size());
   append(*bytes, std::uint8_t{1});
   append(*bytes, subscription);
@@ -46,6 +47,7 @@ std::shared_ptr<const std::string> time_data(std::uint64_t ns) {
   return bytes;
 }
 
+/// The text is a client's and may hold anything; the protocol has 32 bits without a sign.
 std::uint32_t number_in(const json& object, const char* name) {
   const auto found = object.is_object() ? object.find(name) : object.end();
   if (!object.is_object() || found == object.end() || !found->is_number_unsigned() ||

@@ -15,6 +15,7 @@
 #include <stdexcept>
 #include <thread>
 #include <utility>
+#include <vector>
 
 namespace vitreo::view {
 namespace {
@@ -54,8 +55,10 @@ struct Subscription {
   std::optional<std::uint64_t> picture{};
 };
 
+/// What is known of a connection.
 struct Client {
   std::map<std::uint32_t, Subscription> subscriptions;  // by the client's number
+  // Messages that gave way, as it was told last.
   std::uint64_t told_dropped = 0;
 };
 
@@ -105,6 +108,7 @@ struct FoxgloveView::State {
   std::int64_t t0 = 0;  // ns since 1970
   std::optional<FoxgloveChannels> channels;
   bool announced = false;  // the channels that are there from the begin
+  // By the server's number. The server's thread alone uses them.
   std::map<int, Client> clients;
   std::chrono::steady_clock::time_point pictured{}, timed{};
   WebServer server;  // last: its thread uses all the others
@@ -129,6 +133,8 @@ void FoxgloveView::State::greet(int viewer) {
 
 // The server's information once more, because only a run that has begun has a name.
 void FoxgloveView::State::send_channels(int viewer) {
+  // The protocol's first message. The capability "time" announces the binary messages of time; by
+  // the session's id a client that comes again knows whether it is the same run.
   server.send(viewer, json_text({{"op", "serverInfo"},
                                  {"name", "vitreo"},
                                  {"capabilities", {"time"}},
@@ -157,10 +163,16 @@ void FoxgloveView::State::tick() {
   }
   if (session != nullptr && now - timed >= kTimePeriod) {
     timed = now;
+    // Also while no topic has news, so that a player's clock goes on.
     const auto bytes = time_data(UtcClock(t0).ns(board.now()));
     for (const auto& [viewer, client] : clients) server.send_data(viewer, bytes);
   }
-  for (auto& [viewer, client] : clients) tell_dropped(viewer, client);
+  // By a list of their own: a client that is told may be dropped, and leaves `clients` at that.
+  std::vector<int> viewers;
+  for (const auto& [viewer, client] : clients) viewers.push_back(viewer);
+  for (const int viewer : viewers)
+    if (const auto found = clients.find(viewer); found != clients.end())
+      tell_dropped(viewer, found->second);
   // After the run, once the last rows are sent: its outcome.
   if (session == nullptr && !std::exchange(end_sent, true))
     for (const int viewer : server.viewers())
@@ -174,6 +186,8 @@ void FoxgloveView::State::send_news() {
         if (one.channel == channel) return true;
     return false;
   };
+  // A row is encoded once. What goes to each client differs by the number of its subscription,
+  // which stands before it.
   channels->news(wanted, [this](std::size_t channel, const ChannelMessage& message) {
     for (const auto& [viewer, client] : clients)
       for (const auto& [number, one] : client.subscriptions)
@@ -215,6 +229,7 @@ void FoxgloveView::State::receive(int viewer, const std::string& message) {
       for (const json& wanted : list("subscriptions")) subscribe(viewer, wanted);
     } else if (op == "\"unsubscribe\"") {
       for (const json& number : list("subscriptionIds")) unsubscribe(viewer, number);
+      // clientInfo asks for nothing.
     } else if (op != "\"clientInfo\"") {
       throw std::invalid_argument(op + " is not understood: this server can be read only");
     }
@@ -226,6 +241,7 @@ void FoxgloveView::State::receive(int viewer, const std::string& message) {
 void FoxgloveView::State::subscribe(int viewer, const json& wanted) {
   const std::uint32_t number = number_in(wanted, "id");
   const std::uint32_t channel = number_in(wanted, "channelId");
+  // The client chooses the number of a subscription; those of the channels count from 1.
   auto& subscriptions = clients[viewer].subscriptions;
   if (!channels || channel < 1 || channel > channels->count())
     throw std::invalid_argument("channel " + std::to_string(channel) + ": is not there");
@@ -233,6 +249,7 @@ void FoxgloveView::State::subscribe(int viewer, const json& wanted) {
     throw std::invalid_argument("more subscriptions than this server takes");
   if (!subscriptions.try_emplace(number, Subscription{channel - 1}).second)
     throw std::invalid_argument("subscription " + std::to_string(number) + ": is there already");
+  // What stands still comes once, and a slow stream seldom: not to wait for the next row.
   for (const ChannelMessage& message : channels->first(channel - 1))
     server.send_data(viewer, message_data(number, message));
 }
@@ -272,6 +289,8 @@ void FoxgloveView::begin(Session& session) {
     state_->channels.emplace(state_->board, RunTopics(start, state_->t0));
     state_->session = &session;
   }
+  // From here on the run's threads write to the board, which has a lock of its own: they never wait
+  // for this one.
   state_->relay.emplace(session.recorder.listener(), state_->board);
   session.recorder.watch(&*state_->relay);
   // Frames come also while the script grabs none.

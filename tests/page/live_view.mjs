@@ -149,11 +149,11 @@ async function supervise(page) {
   };
   await page.screenshot({ path: `${folder}/live_view_near.png` });
   // Far below what is left: the margin refuses, and says in mm what would be left.
-  for (let i = 0; i < 10; ++i) {
+  const refused = () => page.evaluate(() => document.querySelector('#note')?.textContent.includes('keep_out.margin') ?? false);
+  for (let i = 0; i < 40 && !(await refused()); ++i) {
     await page.keyboard.press('ArrowDown');
-    await page.waitForTimeout(50);
+    await page.waitForTimeout(100);
   }
-  await page.waitForFunction(() => document.querySelector('#note')?.textContent.includes('keep_out.margin'), null, patience);
   seen.refused = await page.textContent('#note');
   await page.setViewportSize({ width: 820, height: 1180 });
   await page.evaluate(() => scrollTo(0, document.body.scrollHeight));

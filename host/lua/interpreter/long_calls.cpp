@@ -43,6 +43,7 @@ int repeat(lua_State* L) {
   char* const made = luaL_buffinitsize(L, &buffer, whole);
   std::memcpy(made, text, size);
   std::memcpy(made + size, between, gap);
+  // Each time as much as is there already, so that no copy overlaps.
   for (std::size_t done = one; done < whole; done *= 2)
     std::memcpy(made + done, made, std::min(done, whole - done));
   luaL_pushresultsize(&buffer, whole - gap);
@@ -77,7 +78,9 @@ void check_list(lua_State* L, int index) {
 
 /// The list's length as Lua's table functions take it.
 lua_Integer length_of(lua_State* L) {
+  const int arguments = lua_gettop(L);
   check_list(L, 1);
+  lua_settop(L, arguments);  // without the metafields that were asked for
   return luaL_len(L, 1);
 }
 
@@ -165,6 +168,7 @@ class StoppableAccount : public scripted::PatternAccount {
  public:
   void search(lua_State* L,
               const std::function<void(scripted::PatternSteps&)>& search) const override {
+    // Felt ends in its handler before the stop is raised, which may be a jump of Lua's.
     StoppableSteps steps(context_of(L));
     try {
       return search(steps);
@@ -181,6 +185,7 @@ struct Bounded {
   lua_CFunction instead;
 };
 
+/// Lua's own function becomes upvalue 1 of the one in its place (see original()).
 void put_in_front(lua_State* L, const char* library, std::initializer_list<Bounded> rows) {
   lua_getglobal(L, library);
   for (const Bounded& row : rows) {

@@ -146,7 +146,7 @@ local function shown(...)
       for k = 1, 20 do parts[k] = tostring(value[k]) end
       words[i] = table.concat(parts, ",")
     else
-      words[i] = tostring(value):gsub("^.-:%d+: ", "")
+      words[i] = tostring(value):gsub("^.-:%d+: ", ""):gsub("#%d", "#") -- 5.4.4 counts an argument of remove's wrongly
     end
   end
   return table.concat(words, "|")

@@ -286,8 +286,6 @@ constexpr std::array kTrips{
                  "interlock: "},
     WhatHappened{"pcall(rig.coils.set_currents, rig.coils, { 0, 0, -99, 0, 0, 0, 0, 0 })",
                  "interlock: "},
-    WhatHappened{"pcall(rig.coils.set_currents, rig.coils, { 0/0, 0, 0, 0, 0, 0, 0, 0 })",
-                 "interlock: "},
     WhatHappened{"pcall(rig.coils.set_currents, rig.coils, { 7, 7, 7, 7, 7, 7, 7, 7 })",
                  "interlock: "},
     WhatHappened{"rig.simulation:place_robot { 0, 0, 0 }\nrig.top_camera:learn_background()\n"
