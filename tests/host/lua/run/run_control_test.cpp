@@ -286,7 +286,7 @@ constexpr std::array kTrips{
                  "interlock: "},
     WhatHappened{"pcall(rig.coils.set_currents, rig.coils, { 0, 0, -99, 0, 0, 0, 0, 0 })",
                  "interlock: "},
-    WhatHappened{"pcall(rig.coils.set_currents, rig.coils, { 7, 7, 7, 7, 7, 7, 7, 7 })",
+    WhatHappened{"pcall(rig.coils.set_currents, rig.coils, { 8, 8, 8, 8, 8, 8, 8, 8 })",
                  "interlock: "},
     WhatHappened{"rig.simulation:place_robot { 0, 0, 0 }\nrig.top_camera:learn_background()\n"
                  "local servo = rig:servo {}\nservo:hold { 0, 0, 0 }\nrun:wait(1*s)\n"
