@@ -288,10 +288,12 @@ constexpr std::array kTrips{
                  "interlock: "},
     WhatHappened{"pcall(rig.coils.set_currents, rig.coils, { 8, 8, 8, 8, 8, 8, 8, 8 })",
                  "interlock: "},
-    WhatHappened{"rig.simulation:place_robot { 0, 0, 0 }\nrig.top_camera:learn_background()\n"
-                 "local servo = rig:servo {}\nservo:hold { 0, 0, 0 }\nrun:wait(1*s)\n"
-                 "rig.simulation:fault('top_camera', 'silent')\nrun:wait(5*s)",
-                 "servo failed: "},
+    WhatHappened{
+        "rig.sample:remove_robot()\nlocal background = rig:learn_background { frames = 4 }\n"
+        "rig.sample:insert_robot { 0, 0, 0 }\n"
+        "local servo = rig:servo { background = background }\nservo:hold { 0, 0, 0 }\n"
+        "run:wait(1*s)\nrig.simulation:fault('top_camera', 'silent')\nrun:wait(10*s)",
+        "interlock: dead-man"},
     WhatHappened{"run:stop('enough')", "stopped "},
     WhatHappened{"run:abort('enough')", "aborted "},
 };
