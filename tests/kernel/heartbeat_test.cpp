@@ -187,9 +187,8 @@ TEST_F(HeartbeatBopGuest, CableOfTheLineOutAndIn) {
 class HeartbeatOutside : public Heartbeat {
  protected:
   static constexpr Beat kSlow{10, 0.5, 0.015, 0.6};
-  /// ms: the pulse, and what comes before the last edge; a computer that cannot keep 50 Hz may take
-  /// its time for that.
-  double bound() const { return slow ? 2500 : 300; }
+  /// ms: the pulse, and what comes before the last edge.
+  double bound() const { return slow ? 800 : 300; }
   virtual std::unique_ptr<Amplifier> wired(const Beat& beat) = 0;
   void energize(const std::function<void()>& prepare = {}) override {
     for (int i = 1;; ++i) try {
