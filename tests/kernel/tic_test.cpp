@@ -66,7 +66,7 @@ TEST_F(TicGuest, MovesTheCarriageAndIsLostWithItsCable) {
   const double took = Milliseconds(told - out).count();
   row("cable out in a move: \"%s\" after %.0f ms", said.c_str(), took);
   EXPECT_FALSE(said.empty());
-  EXPECT_LT(took, 500);  // docs/instruments.md, "Common rules"
+  EXPECT_LT(took, 300);
   // Its own command timeout ends the motion: docs/instruments.md.
   std::this_thread::sleep_for(1500ms);
   EXPECT_EQ(device.state("velocity").get<double>(), 0);
