@@ -147,28 +147,33 @@ void print_csv(const std::vector<CatalogRow>& rows, const std::vector<std::strin
   }
 }
 
-/// A column as people read it: its numbers in one unit.
+/// Whether it is shown as a number: a flag has one as well, and is shown by its text.
+bool is_number(const std::optional<CatalogValue>& value) {
+  return value && value->number && std::isfinite(*value->number) && value->text.empty();
+}
+
+/// A column as people read it: its numbers in one unit. Protocols may have different quantities
+/// under one name: then each number is in a unit of its own.
 std::vector<std::string> shown_column(const std::vector<CatalogRow>& rows, std::size_t column) {
   std::vector<double> numbers;
-  std::string unit;
-  for (const CatalogRow& row : rows) {
-    const auto& value = row.columns[column];
-    const bool number = value && value->number && value->text.empty();
-    // A flag has a number as well, and is shown by its text.
-    numbers.push_back(number ? *value->number : std::nan(""));
-    if (number) unit = value->unit;
-  }
-  std::vector<double> known = numbers;
-  std::erase_if(known, [](double number) { return !std::isfinite(number); });
-  const ShownColumn shown = show_column(known, unit);
+  std::set<std::string> units;
+  for (const CatalogRow& row : rows)
+    if (const auto& value = row.columns[column]; is_number(value)) {
+      numbers.push_back(*value->number);
+      units.insert(value->unit);
+    }
+  const ShownColumn shown =
+      units.size() == 1 ? show_column(numbers, *units.begin()) : ShownColumn();
   std::vector<std::string> cells;
   std::size_t next = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto& value = rows[i].columns[column];
-    if (std::isfinite(numbers[i]))
+  for (const CatalogRow& row : rows) {
+    const auto& value = row.columns[column];
+    if (!is_number(value))
+      cells.push_back(value && !value->text.empty() ? for_terminal(value->text, 40) : "-");
+    else if (units.size() == 1)
       cells.push_back(with_unit({shown.numbers[next++], shown.unit}));
     else
-      cells.push_back(value && !value->text.empty() ? for_terminal(value->text, 40) : "-");
+      cells.push_back(format_quantity(*value->number, value->unit));
   }
   return cells;
 }
@@ -215,13 +220,11 @@ int list_runs(const std::filesystem::path& parent, const RunFilter& filter, List
   check(filter);
   Catalog catalog(parent);
   const std::string options = condition_of(filter);
-  const CatalogRequest request{filter.where, filter.columns, filter.sort};
-  std::vector<CatalogRow> rows = catalog.find(request, options);
-  // The newest are the last, since the catalog gives the oldest first.
-  // Counted after the filter, so that `--protocol x --newest 5` is the five newest of that
+  // The newest of what the conditions leave: `--protocol x --newest 5` is the five newest of that
   // protocol.
-  const auto newest = static_cast<std::size_t>(filter.newest);
-  if (newest > 0 && rows.size() > newest) rows.erase(rows.begin(), rows.end() - filter.newest);
+  const CatalogRequest request{filter.where, filter.columns, filter.sort,
+                               static_cast<std::size_t>(std::max(filter.newest, 0))};
+  const std::vector<CatalogRow> rows = catalog.find(request, options);
   switch (format) {
     case ListFormat::json:
       print_json(rows, filter.columns, out);

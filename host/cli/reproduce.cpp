@@ -45,9 +45,11 @@ std::vector<PlannedRun> chosen(const RigDescription& plan, const ReproductionWor
   std::vector<std::string> known;
   for (const PlannedRun& run : all) known.push_back(run.protocol);
   for (const std::string& name : wanted.only)
-    if (std::find(known.begin(), known.end(), name) == known.end())
-      throw ConfigError(fmt::format("reproduce: {} is not in {}; did you mean {}?", name, file,
-                                    nearest(name, known)));
+    if (std::find(known.begin(), known.end(), name) == known.end()) {
+      const std::string near = nearest(name, known);
+      throw ConfigError(fmt::format("reproduce: {} is not in {}{}", name, file,
+                                    near.empty() ? "" : "; did you mean " + near + "?"));
+    }
   for (PlannedRun& run : all) {
     const bool asked = wanted.only.empty() || std::find(wanted.only.begin(), wanted.only.end(),
                                                         run.protocol) != wanted.only.end();
@@ -103,6 +105,8 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   request.processes = wanted.processes > 0 ? wanted.processes : cores;
   const fs::path docs =
       wanted.docs.empty() ? fs::path(Program::in_data_folder("docs")) : fs::path(wanted.docs);
+  // Before minutes of runs: a folder that cannot be made is told now.
+  fs::create_directories(docs);
   if (wanted.laboratory) return measure_laboratory(program, std::move(request), docs);
   std::vector<ReproducedRun> runs = reproduce(program.engine(), request, report);
   join_laboratory(runs, docs / kLaboratoryFile);
@@ -110,7 +114,6 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   // missed only for the whole plan.
   ReproducedRun together = join_rows(joined, runs, wanted.only.empty() && !wanted.brief);
   if (!together.rows.empty()) runs.push_back(std::move(together));
-  fs::create_directories(docs);
   fs::create_directories(request.out);
   // A part of the plan, or its short form, is no reason to write over the page about the whole.
   const bool whole = wanted.only.empty() && !wanted.brief && wanted.plan.empty();

@@ -22,6 +22,7 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
+#include <optional>
 #include <thread>
 #include <unistd.h>
 
@@ -164,9 +165,17 @@ void print_failures(const SweepTable& table) {
   if (failures > kFailuresShown) fmt::print("... and {} more\n", failures - kFailuresShown);
 }
 
-/// 0: all completed; 1: some did not; 3: told to stop; 5: points are missing.
-int code_of(const SweepTable& table, RunnerEnd end) {
+/// Of what goes on elsewhere, or was told to stop; nothing where all that could be done is done.
+std::optional<int> code_of(RunnerEnd end) {
   if (end == RunnerEnd::stopped) return static_cast<int>(ExitCode::stopped);
+  if (end == RunnerEnd::handed_over) return static_cast<int>(ExitCode::completed);
+  return std::nullopt;
+}
+
+/// 0: all completed, or Slurm goes on with them; 1: some did not; 3: told to stop; 5: points are
+/// missing.
+int code_of(const SweepTable& table, RunnerEnd end) {
+  if (const auto code = code_of(end)) return *code;
   if (table.missing > 0) return static_cast<int>(ExitCode::internal);
   const auto counts = outcomes_of(table);
   const auto completed = counts.find("completed");
@@ -175,7 +184,7 @@ int code_of(const SweepTable& table, RunnerEnd end) {
   return static_cast<int>(all ? ExitCode::completed : ExitCode::script_error);
 }
 
-void print_summary(const SweepTable& table, const fs::path& folder) {
+void print_summary(const SweepTable& table, const fs::path& folder, RunnerEnd end) {
   print_failures(table);
   std::string counts;
   for (const auto& [outcome, count] : outcomes_of(table))
@@ -183,13 +192,16 @@ void print_summary(const SweepTable& table, const fs::path& folder) {
   fmt::print("{} points: {}\ntable: {}\nreport: {}\n", table.rows.size(), counts,
              (folder / "sweep.csv").string(), (folder / "report.html").string());
   if (table.missing > 0)
-    fmt::print("{} are missing: vitreo sweep --resume {}\n", table.missing, folder.string());
+    fmt::print("{} are {}: vitreo sweep --resume {}\n", table.missing,
+               end == RunnerEnd::handed_over ? "with Slurm, and collected by" : "missing",
+               folder.string());
 }
 
 /// Table and page of what there is, whether it is all or not.
 int conclude(const PointFolder& folder, const SweepWords& wanted, RunnerEnd end) {
   // Soaks and reproductions have no table: their own commands report.
-  if (folder.head().value("kind", "") != "sweep") return end == RunnerEnd::all_done ? 0 : 5;
+  if (folder.head().value("kind", "") != "sweep")
+    return code_of(end).value_or(end == RunnerEnd::all_done ? 0 : 5);
   const SweepTable table = read_table(folder);
   write_tables(table, folder);
   write_sweep_report(table, folder, wanted.shown);
@@ -202,7 +214,7 @@ int conclude(const PointFolder& folder, const SweepWords& wanted, RunnerEnd end)
                          {"exit_code", code}})
               << "\n";
   else
-    print_summary(table, folder.folder());
+    print_summary(table, folder.folder(), end);
   return code;
 }
 

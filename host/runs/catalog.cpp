@@ -10,11 +10,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
-#include <initializer_list>
-#include <map>
-#include <set>
+#include <cstring>
+#include <dirent.h>
+#include <fcntl.h>
+#include <memory>
+#include <numeric>
 #include <sys/stat.h>
+#include <unordered_map>
 #include <utility>
 
 namespace vitreo {
@@ -34,6 +38,19 @@ struct Catalog::Changes {
   std::vector<Fresh> lasting;  // to be kept in the index
   std::vector<Fresh> passing;  // runs that go on, or cannot be read
   std::vector<std::int64_t> outdated;
+};
+
+/// A run that was found, by its id in the views.
+struct Catalog::Found {
+  std::int64_t id = 0;
+  std::string name;
+  CatalogRow row;
+};
+
+/// What rows are sorted by.
+struct Catalog::SortKey {
+  QueryName name;
+  bool falling = false;  // the largest first
 };
 
 namespace {
@@ -60,11 +77,14 @@ constexpr const char* kRunColumns =
 // the index.
 constexpr std::int64_t kFirstTemporary = std::int64_t{1} << 40;
 
-/// Inode, size and time of modification (ns) of run.sqlite, as it is now; empty where there is
-/// none.
-std::string mark_of(const fs::path& folder) {
+/// Inode, size and time of modification (ns) of a folder's run.sqlite, as it is now; empty where
+/// there is none. `folder` is of the open directory `parent`, so that its path is walked once and
+/// not ten thousand times.
+std::string mark_of(int parent, const std::string& folder) {
   struct stat status = {};
-  if (stat((folder / "run.sqlite").c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return "";
+  if (fstatat(parent, (folder + "/run.sqlite").c_str(), &status, 0) != 0 ||
+      !S_ISREG(status.st_mode))
+    return "";
   const std::int64_t changed =
       std::int64_t{status.st_mtim.tv_sec} * 1'000'000'000 + status.st_mtim.tv_nsec;
   return fmt::format("{} {} {}", status.st_ino, status.st_size, changed);
@@ -117,22 +137,35 @@ std::int64_t whole_of(Database& database, const std::string& query) {
   return row.step() ? row.integer(0) : 0;
 }
 
-/// The folders below; none where there is no such folder. Throws RecordError.
-std::vector<fs::path> folders_below(const fs::path& parent) {
-  std::vector<fs::path> folders;
-  std::error_code error;
-  if (!fs::exists(parent, error)) return folders;
-  for (fs::directory_iterator entry(parent, error); !error && entry != fs::directory_iterator();
-       entry.increment(error))
-    folders.push_back(entry->path());
-  if (error) throw RecordError(parent.string() + ": cannot be listed: " + error.message());
-  return folders;
+/// A folder that is read.
+struct CloseFolder {
+  void operator()(DIR* folder) const { closedir(folder); }
+};
+using OpenFolder = std::unique_ptr<DIR, CloseFolder>;
+
+/// Nothing where there is no such folder. Throws RecordError.
+OpenFolder open_folder(const fs::path& parent) {
+  OpenFolder folder(opendir(parent.c_str()));
+  if (!folder && errno != ENOENT)
+    throw RecordError(parent.string() + ": cannot be listed: " + std::strerror(errno));
+  return folder;
 }
 
-/// A run's value under a name, for an ORDER BY.
-std::string value_sql(const QueryName& name, const std::string& column) {
-  return "(SELECT " + column + " FROM all_value WHERE run = all_run.id AND name = ?" +
-         (name.kind == 0 ? "" : fmt::format(" AND kind = '{}'", name.kind)) + " LIMIT 1)";
+/// Names of what may be a folder, sorted. Throws RecordError.
+std::vector<std::string> names_in(DIR* folder, const fs::path& parent) {
+  std::vector<std::string> names;
+  errno = 0;
+  while (const dirent* const entry = readdir(folder)) {
+    // Some file systems do not say what an entry is; a link may lead to a folder.
+    const bool other =
+        entry->d_type != DT_DIR && entry->d_type != DT_LNK && entry->d_type != DT_UNKNOWN;
+    const std::string_view name = entry->d_name;
+    if (!other && name != "." && name != "..") names.emplace_back(name);
+  }
+  if (errno != 0)
+    throw RecordError(parent.string() + ": cannot be listed: " + std::strerror(errno));
+  std::sort(names.begin(), names.end());
+  return names;
 }
 
 SqlCondition both(SqlCondition a, const SqlCondition& b) {
@@ -141,18 +174,22 @@ SqlCondition both(SqlCondition a, const SqlCondition& b) {
   return a;
 }
 
-/// "speed, -time" as the beginning of an ORDER BY: "-" before a name is the largest first.
-SqlCondition order_by(const std::vector<std::string>& keys, const Vocabulary& known) {
-  SqlCondition order;
-  for (const std::string& key : keys) {
-    const bool falling = key.starts_with('-');
-    const QueryName name = query_name(falling ? key.substr(1) : key, known, "--sort: ");
-    const bool field = !name.field.empty();
-    order.sql += (field ? name.field : value_sql(name, "coalesce(number, text)")) +
-                 (falling ? " DESC" : "") + " NULLS LAST, ";
-    if (!field) order.values.emplace_back(name.name);
-  }
-  return order;
+using Cell = std::optional<CatalogValue>;
+
+/// Numbers before texts, and what is not known behind all, whichever way it is sorted.
+int rank_of(const Cell& cell) {
+  if (cell && cell->number) return 0;
+  return cell && !cell->text.empty() ? 1 : 2;
+}
+
+/// Whether `a` stands before `b`.
+bool before(const Cell& a, const Cell& b, bool falling) {
+  const int rank = rank_of(a);
+  if (rank != rank_of(b)) return rank < rank_of(b);
+  if (rank == 2) return false;
+  const Cell& low = falling ? b : a;
+  const Cell& high = falling ? a : b;
+  return rank == 0 ? *low->number < *high->number : low->text < high->text;
 }
 
 }  // namespace
@@ -221,7 +258,8 @@ void Catalog::open(const fs::path& index) {
   prepare();
 }
 
-// What is not kept lies in tables of this connection alone, and the views have both.
+// What is not kept lies in tables of this connection alone, and the views have both. A run that is
+// there is not taken from the index as well: another program may have added it meanwhile.
 void Catalog::prepare() {
   database_->execute(R"(
 CREATE TEMP TABLE hidden(id INTEGER PRIMARY KEY);
@@ -229,36 +267,49 @@ CREATE TEMP TABLE run_now AS SELECT * FROM main.run WHERE 0;
 CREATE TEMP TABLE value_now AS SELECT * FROM main.value WHERE 0;
 CREATE TEMP VIEW all_run AS
   SELECT * FROM main.run WHERE id NOT IN (SELECT id FROM temp.hidden)
+    AND name NOT IN (SELECT name FROM temp.run_now)
   UNION ALL SELECT * FROM temp.run_now;
 CREATE TEMP VIEW all_value AS
   SELECT * FROM main.value UNION ALL SELECT * FROM temp.value_now;
 )");
 }
 
-// What the index knows and the folders do not is forgotten; what they know better is read.
+// What the index knows and the folders do not is forgotten; what they know better is read. Both are
+// in the order of their names, and are walked side by side.
 void Catalog::update() {
-  std::map<std::string, std::pair<std::int64_t, std::string>> known;
-  // By its index alone, which has all three.
-  Statement rows = database_->prepare("SELECT name, id, mark FROM main.run INDEXED BY run_mark");
-  while (rows.step()) known[rows.text(0)] = {rows.integer(1), rows.text(2)};
+  const OpenFolder open = open_folder(parent_);
+  const std::vector<std::string> names =
+      open ? names_in(open.get(), parent_) : std::vector<std::string>();
+  const int place = open ? dirfd(open.get()) : -1;
+  // By its index alone, which has all three; at once, since who reads locks out who writes.
+  struct Known {
+    std::string name;
+    std::int64_t id;
+    std::string mark;
+  };
+  std::vector<Known> known;
+  Statement rows =
+      database_->prepare("SELECT name, id, mark FROM main.run INDEXED BY run_mark ORDER BY name");
+  while (rows.step()) known.push_back({rows.text(0), rows.integer(1), rows.text(2)});
   Changes changes;
-  std::set<std::string> there;
-  for (const fs::path& folder : folders_below(parent_)) {
-    const std::string name = folder.filename().string();
-    const std::string mark = mark_of(folder);
+  auto next = known.begin();
+  for (const std::string& name : names) {
+    const std::string mark = mark_of(place, name);
     if (mark.empty()) continue;
-    there.insert(name);
-    const auto found = known.find(name);
-    if (found != known.end() && found->second.second == mark) continue;
-    if (found != known.end()) changes.outdated.push_back(found->second.first);
-    RunSummary run = read_summary(folder);
+    for (; next != known.end() && next->name < name; ++next) changes.outdated.push_back(next->id);
+    if (next != known.end() && next->name == name) {
+      const bool same = next->mark == mark;
+      if (!same) changes.outdated.push_back(next->id);
+      ++next;
+      if (same) continue;
+    }
+    RunSummary run = read_summary(parent_ / name);
     ++read_;
     // Not kept: what changed while it was read.
-    const bool lasting = run.lasting && mark_of(folder) == mark;
+    const bool lasting = run.lasting && mark_of(place, name) == mark;
     (lasting ? changes.lasting : changes.passing).push_back({name, mark, std::move(run)});
   }
-  for (const auto& [name, entry] : known)
-    if (!there.contains(name)) changes.outdated.push_back(entry.first);
+  for (; next != known.end(); ++next) changes.outdated.push_back(next->id);
   keep(changes);
   Writer now(*database_, kNow);
   std::int64_t id = kFirstTemporary;
@@ -305,20 +356,49 @@ void Catalog::keep(Changes& changes) {
   }
 }
 
-/// Asked for each name of a query: the index is looked up by that name, and the list of all names
-/// is made for an error alone.
+// From one unit to the next by the index, not through the values of ten thousand runs. A result is
+// always a number: without one it was not finite.
+std::vector<KnownValue> Catalog::known_values(const std::string& name, char kind) {
+  Statement next = database_->prepare(
+      "SELECT unit FROM all_value WHERE kind = ?1 AND name = ?2 AND unit > ?3 "
+      "ORDER BY unit LIMIT 1");
+  // With a value of this unit: a number, and none.
+  Statement first = database_->prepare(
+      "SELECT unit FROM all_value WHERE kind = ?1 AND name = ?2 AND unit = '' LIMIT 1");
+  Statement has = database_->prepare(
+      "SELECT EXISTS(SELECT 1 FROM all_value WHERE kind = ?1 AND name = ?2 AND unit = ?3 "
+      "AND number IS NOT NULL), EXISTS(SELECT 1 FROM all_value WHERE kind = ?1 AND name = ?2 "
+      "AND unit = ?3 AND number IS NULL)");
+  std::vector<KnownValue> found;
+  const auto add = [&](char letter, const std::string& unit) {
+    has.bind(1, std::string_view(&letter, 1)).bind(2, name).bind(3, unit);
+    has.step();
+    const bool empty = has.integer(1) != 0;
+    if (has.integer(0) != 0 || (empty && letter == 'r')) found.push_back({letter, unit, false});
+    if (empty && letter != 'r') found.push_back({letter, unit, true});
+    has.step();
+  };
+  const std::string letters = kind == 0 ? kCatalogKinds : std::string(1, kind);
+  for (const char& letter : letters) {
+    const std::string_view one(&letter, 1);
+    first.bind(1, one).bind(2, name);
+    if (first.step()) {
+      add(letter, "");
+      first.step();
+    }
+    std::string unit;
+    while (next.bind(1, one).bind(2, name).bind(3, unit).step()) {
+      unit = next.text(0);
+      next.step();
+      add(letter, unit);
+    }
+  }
+  return found;
+}
+
+/// The list of all names is made for an error alone.
 Vocabulary Catalog::vocabulary() {
-  return {[this](const std::string& name, char kind) {
-            std::vector<KnownValue> found;
-            Statement rows = database_->prepare(
-                "SELECT DISTINCT kind, unit, number IS NULL FROM all_value WHERE name = ?" +
-                (kind == 0 ? std::string() : fmt::format(" AND kind = '{}'", kind)));
-            rows.bind(1, name);
-            while (rows.step())
-              found.push_back({rows.text(0).empty() ? 'p' : rows.text(0)[0], rows.text(1),
-                               rows.integer(2) != 0});
-            return found;
-          },
+  return {[this](const std::string& name, char kind) { return known_values(name, kind); },
           [this] {
             std::vector<std::string> names;
             Statement rows = database_->prepare("SELECT DISTINCT name FROM all_value");
@@ -337,26 +417,53 @@ std::vector<CatalogRow> Catalog::find(const CatalogRequest& request, const std::
   std::vector<QueryName> columns;
   for (const std::string& word : request.columns)
     columns.push_back(query_name(word, known, "--columns: "));
+  std::vector<SortKey> keys;
+  for (const std::string& word : request.sort) {
+    const bool falling = word.starts_with('-');
+    keys.push_back({query_name(falling ? word.substr(1) : word, known, "--sort: "), falling});
+  }
   // The SQL has fixed words and the columns of the layout alone: every text of the request is
   // bound.
-  const SqlCondition order = order_by(request.sort, known);
   Statement rows = database_->prepare(
       "SELECT id, name, time, protocol, title, operator, seed, outcome, reason, experiment_time, "
       "rig, ended_by FROM all_run WHERE " +
-      where.sql + " ORDER BY " + order.sql + "name");
-  // The parameters of the condition stand before those of the order.
+      where.sql);
   int index = 0;
-  for (const SqlCondition* const part : std::initializer_list<const SqlCondition*>{&where, &order})
-    for (const auto& value : part->values)
-      std::visit([&](const auto& one) { rows.bind(++index, one); }, value);
-  std::vector<CatalogRow> found;
-  std::vector<std::int64_t> ids;
-  while (rows.step()) {
-    ids.push_back(rows.integer(0));
-    found.push_back({head_of(rows), {}});
+  for (const auto& value : where.values)
+    std::visit([&](const auto& one) { rows.bind(++index, one); }, value);
+  std::vector<Found> found;
+  while (rows.step()) found.push_back({rows.integer(0), rows.text(1), {head_of(rows), {}}});
+  // Here and not in SQL, which would carry whole rows about.
+  std::sort(found.begin(), found.end(),
+            [](const Found& a, const Found& b) { return a.name < b.name; });
+  // The names begin with the time: the newest are the last of them, however the rest is sorted.
+  if (request.newest > 0 && found.size() > request.newest)
+    found.erase(found.begin(), found.end() - static_cast<std::ptrdiff_t>(request.newest));
+  for (const QueryName& column : columns) {
+    std::vector<Cell> cells = cells_of(column, found);
+    for (std::size_t i = 0; i < found.size(); ++i)
+      found[i].row.columns.push_back(std::move(cells[i]));
   }
-  for (const QueryName& column : columns) fill_column(column, ids, found);
-  return found;
+  return sorted(std::move(found), keys);
+}
+
+std::vector<CatalogRow> Catalog::sorted(std::vector<Found> found,
+                                        const std::vector<SortKey>& keys) {
+  std::vector<std::vector<Cell>> cells;
+  for (const SortKey& key : keys) cells.push_back(cells_of(key.name, found));
+  std::vector<std::size_t> order(found.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    for (std::size_t k = 0; k < keys.size(); ++k) {
+      if (before(cells[k][a], cells[k][b], keys[k].falling)) return true;
+      if (before(cells[k][b], cells[k][a], keys[k].falling)) return false;
+    }
+    return false;
+  });
+  std::vector<CatalogRow> rows;
+  rows.reserve(found.size());
+  for (const std::size_t i : order) rows.push_back(std::move(found[i].row));
+  return rows;
 }
 
 /// Of a row of find()'s query.
@@ -374,27 +481,32 @@ RunHead Catalog::head_of(const Statement& row) const {
           row.text(11)};
 }
 
-void Catalog::fill_column(const QueryName& column, const std::vector<std::int64_t>& ids,
-                          std::vector<CatalogRow>& rows) {
-  Statement value = database_->prepare(
+/// One walk over all values of a name: a look-up a run takes five times as long for ten thousand.
+std::vector<Cell> Catalog::cells_of(const QueryName& column, const std::vector<Found>& found) {
+  const bool number = column.field == "version";
+  Statement values = database_->prepare(
       column.field.empty()
-          ? "SELECT number, text, unit FROM all_value WHERE run = ? AND name = ?" +
-                (column.kind == 0 ? "" : fmt::format(" AND kind = '{}'", column.kind)) + " LIMIT 1"
-          : "SELECT NULL, " + column.field + ", '' FROM all_run WHERE id = ?");
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    value.bind(1, ids[i]);
-    if (column.field.empty()) value.bind(2, column.name);
-    std::optional<CatalogValue> one;
-    if (value.step()) {
-      one.emplace();
-      if (!value.is_null(0)) one->number = value.real(0);
-      one->text = value.text(1);
-      one->unit = value.text(2);
-      // To its end, where the statement is ready for the next run.
-      value.step();
-    }
-    rows[i].columns.push_back(std::move(one));
+          ? "SELECT run, number, text, unit FROM all_value WHERE " + kind_condition(column.kind) +
+                " AND name = ?"
+          : fmt::format("SELECT id, {}, {}, '' FROM all_run", number ? column.field : "NULL",
+                        number ? "NULL" : column.field));
+  if (column.field.empty()) values.bind(1, column.name);
+  std::unordered_map<std::int64_t, CatalogValue> by_run;
+  by_run.reserve(found.size());
+  while (values.step()) {
+    // Where a parameter and a result share the name the first one counts.
+    const auto [place, added] = by_run.try_emplace(values.integer(0));
+    if (!added) continue;
+    if (!values.is_null(1)) place->second.number = values.real(1);
+    place->second.text = values.text(2);
+    place->second.unit = values.text(3);
   }
+  std::vector<Cell> cells(found.size());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    const auto value = by_run.find(found[i].id);
+    if (value != by_run.end()) cells[i] = std::move(value->second);
+  }
+  return cells;
 }
 
 }  // namespace vitreo

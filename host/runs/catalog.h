@@ -29,6 +29,7 @@ struct CatalogRequest {
   std::string where;                 // see translate_query(); empty: all
   std::vector<std::string> columns;  // names as in a query
   std::vector<std::string> sort;     // names, with "-" before one: the largest first
+  std::size_t newest = 0;            // so many of them; 0: all
 };
 
 struct CatalogRow {
@@ -57,14 +58,18 @@ class Catalog {
  private:
   struct Fresh;
   struct Changes;
+  struct Found;
+  struct SortKey;
   void open(const std::filesystem::path& index);
   void prepare();
   void update();
   void keep(Changes& changes);
+  std::vector<KnownValue> known_values(const std::string& name, char kind);
   Vocabulary vocabulary();
   RunHead head_of(const Statement& row) const;
-  void fill_column(const QueryName& column, const std::vector<std::int64_t>& ids,
-                   std::vector<CatalogRow>& rows);
+  std::vector<std::optional<CatalogValue>> cells_of(const QueryName& column,
+                                                    const std::vector<Found>& found);
+  std::vector<CatalogRow> sorted(std::vector<Found> found, const std::vector<SortKey>& keys);
 
   std::filesystem::path parent_;
   std::optional<Database> database_;

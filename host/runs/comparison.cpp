@@ -82,17 +82,31 @@ std::string version_of(const RunData& run) {
   return versions.value("vitreo", std::string()) + " " + versions.value("commit", std::string());
 }
 
-/// One a run, SI; NaN where it is not stated. `unit` takes the last one that is.
+/// One a run, SI; NaN where it is not stated. `units` takes those that were.
 std::vector<double> values_of(const std::vector<RunData>& runs, const std::string& name,
-                              std::string& unit) {
+                              std::set<std::string>& units) {
   std::vector<double> values;
   for (const RunData& run : runs) {
     double value = std::nan("");
     for (const StatedResult& one : run.results)
-      if (one.name == name) value = one.value, unit = one.unit;
+      if (one.name == name) value = one.value, units.insert(one.unit);
     values.push_back(value);
   }
   return values;
+}
+
+/// Each with its own unit: protocols may state different quantities under one name, and these have
+/// no difference.
+ComparedLine mixed_line(const std::vector<RunData>& runs, const std::string& name) {
+  ComparedLine line{name, {}};
+  for (const RunData& run : runs) {
+    std::string cell = kNone;
+    for (const StatedResult& one : run.results)
+      if (one.name == name && std::isfinite(one.value))
+        cell = in_print(format_quantity(one.value, one.unit));
+    line.cells.push_back(cell);
+  }
+  return line;
 }
 
 /// Names in the order in which the runs state them; how long a run took comes last.
@@ -108,8 +122,10 @@ std::vector<std::string> result_names(const std::vector<RunData>& runs) {
 }
 
 ComparedLine result_line(const std::vector<RunData>& runs, const std::string& name) {
-  std::string unit;
-  const std::vector<double> values = values_of(runs, name, unit);
+  std::set<std::string> units;
+  const std::vector<double> values = values_of(runs, name, units);
+  if (units.size() > 1) return mixed_line(runs, name);
+  const std::string unit = units.empty() ? "" : *units.begin();
   std::vector<double> column;
   std::copy_if(values.begin(), values.end(), std::back_inserter(column),
                [](double value) { return std::isfinite(value); });

@@ -157,9 +157,6 @@ SqlCondition joined(SqlCondition a, const char* word, SqlCondition b) {
   return a;
 }
 
-/// "kind = 'p' AND "; any: "".
-std::string kind_sql(char kind) { return kind == 0 ? "" : fmt::format("kind = '{}' AND ", kind); }
-
 /// Recursive descent over the tokens; the language is at translate_query().
 class Parser {
  public:
@@ -244,8 +241,9 @@ class Parser {
   static SqlCondition has(const QueryName& meant) {
     if (!meant.field.empty()) return {"coalesce(" + meant.field + ", '') != ''", {}};
     // By a list of runs and not by a join: a run with two values of one name is listed once.
-    return {"id IN (SELECT run FROM all_value WHERE " + kind_sql(meant.kind) + "name = ?)",
-            {meant.name}};
+    return {
+        "id IN (SELECT run FROM all_value WHERE " + kind_condition(meant.kind) + " AND name = ?)",
+        {meant.name}};
   }
 
   SqlCondition compare_field(const std::string& field, const std::string& operation,
@@ -280,8 +278,8 @@ class Parser {
   /// among them.
   SqlCondition compare_value(const QueryName& meant, const std::string& operation,
                              const Token& value) const {
-    const std::string from =
-        "id IN (SELECT run FROM all_value WHERE " + kind_sql(meant.kind) + "name = ? AND ";
+    const std::string from = "id IN (SELECT run FROM all_value WHERE " +
+                             kind_condition(meant.kind) + " AND name = ? AND ";
     if (operation == "~")
       return {from + "instr(lower(text), lower(?)) > 0)", {meant.name, value.text}};
     // One name may be a number in some runs and a text in others, over the versions of a protocol.
@@ -348,6 +346,12 @@ class Parser {
 };
 
 }  // namespace
+
+// All kinds are named, not left out: only so a comparison of numbers is looked up in the index,
+// which has the kind before the number.
+std::string kind_condition(char kind) {
+  return kind == 0 ? "kind IN ('p', 'r', 't', 's')" : fmt::format("kind = '{}'", kind);
+}
 
 QueryName query_name(const std::string& word, const Vocabulary& known, const std::string& at) {
   // A field hides a value of the same name, which p.NAME and its kin still reach.

@@ -11,7 +11,10 @@
 
 namespace vitreo {
 
-/// What the catalog knows of a name: a kind of value (CatalogKind's letter) with the SI unit in
+/// Kinds of values: parameter, result, tag, field of the sample.
+inline constexpr const char* kCatalogKinds = "prts";
+
+/// What the catalog knows of a name: a kind of value (of kCatalogKinds) with the SI unit in
 /// which runs have it.
 struct KnownValue {
   char kind = 'p';
@@ -41,6 +44,9 @@ struct QueryName {
   char kind = 0;      // of a value; 0: any
   std::string name;   // of a value
 };
+
+/// SQL over the catalog's values of a kind (of kCatalogKinds); 0: any.
+std::string kind_condition(char kind);
 
 /// Throws ConfigError, with `at` for the message, where no run has it.
 QueryName query_name(const std::string& word, const Vocabulary& known, const std::string& at);

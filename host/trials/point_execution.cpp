@@ -13,7 +13,7 @@ RunnerEnd execute_on_slurm(const PointFolder& folder, const ExecuteOptions& opti
     if (options.note) options.note(text);
   };
   note("Slurm job " + job + "; its logs are in " + (folder.folder() / "slurm").string());
-  if (options.detach) return RunnerEnd::some_left;
+  if (options.detach) return RunnerEnd::handed_over;
   const auto progress = [&](std::size_t) {
     std::erase_if(left, [&](std::size_t point) {
       if (!folder.is_marked(point)) return false;

@@ -27,7 +27,8 @@ struct RunnerOptions {
   std::function<void(const std::string&)> note{};  // for people: what is waited for, what died
 };
 
-enum class RunnerEnd { all_done, some_left, stopped };
+/// `handed_over`: to a scheduler that goes on with them without this program.
+enum class RunnerEnd { all_done, some_left, stopped, handed_over };
 
 /// Does every point that is not finished. Signals to stop are passed on to the points under way.
 /// Throws std::runtime_error where nothing can be written, when all that was under way has ended:

@@ -6,6 +6,7 @@
 #include "host/runs/report_page.h"
 #include "host/text/columns.h"
 #include "host/text/markup.h"
+#include "host/text/terminal_text.h"
 #include "host/trials/sweep_drawings.h"
 #include "host/trials/sweep_groups.h"
 
@@ -242,24 +243,24 @@ std::string failures(const SweepTable& table, const std::vector<VariedColumn>& v
   const std::size_t reason = table.column("reason");
   std::vector<std::vector<std::string>> rows;
   std::map<std::string, std::size_t> counts;
+  std::size_t failed = 0;
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
     const std::string word = text_in(table.rows[row][outcome]);
     // What has not been run yet is told at the head of the page.
     if (word == "completed" || word == "missing") continue;
-    ++counts[word];
+    ++counts[word], ++failed;
     // All are counted, the first are listed: a sweep may fail at every point for one reason.
     if (rows.size() < kFailuresListed)
       rows.push_back({text_in(table.rows[row][0]), escape_markup(setting_text(table, varied, row)),
                       text_in(table.rows[row][table.column("seed")]), word,
-                      escape_markup(text_in(table.rows[row][reason]).substr(0, 300)),
+                      escape_markup(for_terminal(text_in(table.rows[row][reason]), 300)),
                       link_of(table, row, "runs")});
   }
   std::string summary;
   for (const auto& [word, count] : counts)
     summary += fmt::format("{}{} {}", summary.empty() ? "" : ", ", count, word);
   if (summary.empty()) return "";
-  return "<p>" + summary + (rows.size() == kFailuresListed ? "; the first are listed" : "") +
-         "</p>\n" +
+  return "<p>" + summary + (rows.size() < failed ? "; the first are listed" : "") + "</p>\n" +
          html_table({"point", "setting", "seed", "outcome", "reason", ""},
                     {true, false, true, false, false, false}, rows);
 }

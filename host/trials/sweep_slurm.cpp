@@ -22,13 +22,26 @@ struct Answer {
   std::string text;  // without the last line end
 };
 
-/// What a program of Slurm says; errors are among its words.
+/// What a program of Slurm says; errors are among its words. One that says nothing for so long, as
+/// it does where the scheduler's machine is gone, or while which a stop comes, is ended: code -1.
 Answer ask(const std::vector<std::string>& words) {
+  constexpr auto kPatience = 60s;
   ChildProcess child(words, ChildProcess::Pipe::from_output_and_errors);
   Answer answer;
-  char part[4096];
-  for (std::size_t got = 0; (got = child.read(part, sizeof part)) > 0;)
+  const int stops = StopCount::count();
+  auto heard = std::chrono::steady_clock::now();
+  for (char part[4096];;) {
+    if (!child.readable(100ms)) {
+      const bool silent = std::chrono::steady_clock::now() - heard > kPatience;
+      if (!silent && StopCount::count() == stops) continue;
+      answer.text = silent ? words[0] + " does not answer" : words[0] + " was ended by a stop";
+      return answer;
+    }
+    const std::size_t got = child.read_some(part, sizeof part);
+    if (got == 0) break;
     answer.text.append(part, got);
+    heard = std::chrono::steady_clock::now();
+  }
   answer.code = child.finish();
   while (answer.text.ends_with('\n')) answer.text.pop_back();
   return answer;
@@ -128,7 +141,10 @@ RunnerEnd wait_for_slurm(const PointFolder& folder, const std::string& job,
     }
     // A million marks on a slow server: looking must not become its work.
     const auto took = std::chrono::steady_clock::now() - began;
-    std::this_thread::sleep_for(std::max<std::chrono::steady_clock::duration>(kLook, 10 * took));
+    const auto next = std::chrono::steady_clock::now() +
+                      std::max<std::chrono::steady_clock::duration>(kLook, 10 * took);
+    while (StopCount::count() == 0 && std::chrono::steady_clock::now() < next)
+      std::this_thread::sleep_for(50ms);
   }
   return RunnerEnd::stopped;
 }

@@ -167,6 +167,43 @@ TEST_F(SweepProgram, ComparePutsRunsOfASweepSideBySide) {
   EXPECT_EQ(place_.vitreo("compare last --runs swept/runs").exit_code, 2);
 }
 
+/// Programs of Slurm's names: jobs that never begin, and a scheduler that does not answer.
+std::string deaf_scheduler(const Workplace& place) {
+  const fs::path folder = place.folder() / "bin";
+  fs::create_directory(folder);
+  place.write("bin/sbatch", "#!/bin/sh\necho 4711\n");
+  place.write("bin/squeue", "#!/bin/sh\nexec sleep 600\n");
+  for (const char* const name : {"sbatch", "squeue"})
+    fs::permissions(folder / name, fs::perms::owner_all);
+  return "cd '" + place.folder().string() + "' && PATH='" + folder.string() +
+         "':\"$PATH\" XDG_RUNTIME_DIR='" + place.folder().string() + "' ";
+}
+
+TEST_F(SweepProgram, HandedToASchedulerItEndsWellAndSaysHowToCollect) {
+  const std::string command = deaf_scheduler(place_) + "'" VITREO_PROGRAM
+                              "' sweep chance.lua --rig fast --slurm --detach --out swept >out";
+  EXPECT_EQ(WEXITSTATUS(std::system(command.c_str())), 0);
+  EXPECT_NE(place_.read("out").find("1 are with Slurm, and collected by: vitreo sweep --resume"),
+            std::string::npos)
+      << place_.read("out");
+}
+
+TEST_F(SweepProgram, AStopIsFeltWhileTheSchedulerDoesNotAnswer) {
+  // Asked after three seconds, squeue never answers; the stop comes after five.
+  const std::string command =
+      deaf_scheduler(place_) + "timeout -k 20 -s INT 5 '" VITREO_PROGRAM
+                               "' sweep chance.lua --rig fast --slurm --out swept >out 2>err; "
+                               "echo $? >code";
+  const auto began = std::chrono::steady_clock::now();
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  EXPECT_LT(std::chrono::steady_clock::now() - began, 15s);
+  // timeout(1) answers 124 for a program that it had to stop, whatever its own code was.
+  EXPECT_EQ(place_.read("code"), "124\n");
+  EXPECT_NE(place_.read("err").find("the job goes on without this program; scancel 4711"),
+            std::string::npos)
+      << place_.read("err");
+}
+
 TEST_F(SweepProgram, OnAFullDiskItSaysSoAndLosesNothing) {
   if (std::system("unshare -rm true 2>/dev/null") != 0)
     GTEST_SKIP() << "this machine lets no user mount a small disk";

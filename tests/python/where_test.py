@@ -77,6 +77,7 @@ class Where(unittest.TestCase):
         self.assertEqual(self.found("--sort", "path_error_rms"), [2, 3, 1, 4])
         self.assertEqual(self.found("--sort=-speed"), [3, 2, 1, 4])
         self.assertEqual(self.found("--sort", "operator,-time"), [2, 1, 4, 3])
+        self.assertEqual(self.found("--sort=-path_error_rms", "--newest", "3"), [3, 2, 4], "the newest are chosen before they are sorted")
 
     def test_columns_are_shown_in_one_unit_and_given_to_programs_in_si(self):
         rows = support.program("runs", "--runs", self.folder, "--json", "--columns", "speed,mode,batch,careful,path_error_rms")
@@ -89,6 +90,25 @@ class Where(unittest.TestCase):
         table = list(csv.reader(support.program("runs", "--runs", self.folder, "--as-csv", "--columns", "speed,tag.batch", json_of=False).splitlines()))
         self.assertEqual(table[0][-2:], ["speed (m/s)", "tag.batch"])
         self.assertEqual([row[-2:] for row in table[1:]], [["0.0002", "a1"], ["0.0004", "a1"], ["0.0005", "a2"], ["", ""]])
+
+    def test_quantities_of_several_kinds_under_one_name_keep_their_units(self):
+        folder = support.PLACE / "mixed"
+        make_runs(folder)
+        for name, value, unit in ((RUNS[0][0], 0.012, "T"), (RUNS[1][0], None, "um")):
+            with sqlite3.connect(folder / name / "run.sqlite") as database:
+                database.execute("UPDATE result SET value=?, unit=?", (value, unit))
+            database.close()
+        words = ("runs", "--runs", folder, "--columns", "path_error_rms")
+        lines = support.program(*words, json_of=False).splitlines()
+        for line, value in zip(lines[1:], ("12 mT", "-", "140 µm", "-")):
+            self.assertRegex(line, f" {value}  (Square|Drift)")
+        self.assertEqual([row["values"]["path_error_rms"] for row in support.program(*words, "--json")], [0.012, None, 140e-6, None])
+        # What was not finite in one run does not make texts of the others.
+        found = support.program("runs", "--runs", folder, "--json", "--where", "path_error_rms < 150um or path_error_rms = 12mT")
+        self.assertEqual([row["run"][-4:] for row in found], ["0001", "0003"])
+        said = subprocess.run([os.environ["VITREO"], "runs", "--runs", folder, "--where", "path_error_rms = big"], capture_output=True, text=True,
+                              check=False)
+        self.assertRegex(said.stderr, "'big' is no number")
 
     def test_a_mistake_is_told_with_its_place(self):
         for expression, place, words in (

@@ -66,6 +66,15 @@ TEST(Comparison, AResultThatOneRunLacksIsADashAndHasNoDifference) {
   EXPECT_EQ(made.results[0].difference, "");
 }
 
+TEST(Comparison, DifferentQuantitiesUnderOneNameKeepTheirUnitsAndHaveNoDifference) {
+  RunData field = run("b", 1e-3, 0, 1);
+  field.results = {{"wall_time", 1, "s"}, {"path_error", 0.012, "T"}};
+  const RunComparison made = compare_runs({run("a", 1e-3, 137e-6, 1), field});
+  EXPECT_EQ(made.results[0].name, "path_error");
+  EXPECT_EQ(made.results[0].cells, (std::vector<std::string>{"137 \u00b5m", "12 mT"}));
+  EXPECT_EQ(made.results[0].difference, "");
+}
+
 TEST(Comparison, ThePageOverlaysStreamsAndHasNeitherScriptsTextNorNan) {
   const std::string page = comparison_html(
       {run("a", 1e-3, 1e-6, 1), run("b", 2e-3, 2e-6, 2), run("<c>", 2e-3, 3e-6, 3)});

@@ -247,6 +247,30 @@ TEST(RunReader, DoesNotFollowPathsOutOfTheRun) {
   EXPECT_THROW(read_run(folder), RecordError);
 }
 
+TEST(RunReader, DoesNotFollowLinksOutOfTheRun) {
+  TemporaryFolder parent;
+  const fs::path folder = whole_run(parent.path());
+  const RunData data = read_run(folder);
+  ASSERT_FALSE(data.pictures.empty());
+  const fs::path picture = folder / data.pictures[0].file;
+  fs::rename(picture, parent.path() / "elsewhere");
+  fs::create_symlink(parent.path() / "elsewhere", picture);
+  try {
+    read_run(folder);
+    FAIL() << "it read a file that is not of the record";
+  } catch (const RecordError& error) {
+    EXPECT_NE(std::string(error.what()).find("is a link to a file outside the folder"),
+              std::string::npos)
+        << error.what();
+  }
+  // Within the folder a link is as good as a file, and so is one to the folder itself.
+  fs::remove(picture);
+  fs::rename(parent.path() / "elsewhere", folder / "moved.png");
+  fs::create_symlink(folder / "moved.png", picture);
+  fs::create_symlink(folder, parent.path() / "link");
+  EXPECT_EQ(read_run(parent.path() / "link").pictures.size(), data.pictures.size());
+}
+
 TEST(RunCommands, ListFilterAndShowSpeakJson) {
   TemporaryFolder parent;
   const TemporaryFolder cache;
