@@ -30,4 +30,8 @@ void Connection::be_open() {
   }
 }
 
+LinkState Connection::link_state() const {
+  return {dialogue_.hung_up() ? dialogue_.description() : "", exchange_.owed()};
+}
+
 }  // namespace vitreo::scripted

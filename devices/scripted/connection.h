@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/roles/link_state.h"
 #include "devices/scripted/exchange.h"
 
 #include <memory>
@@ -18,6 +19,9 @@ class Connection {
   /// During a Turn: after a lost link, opens it again; half configured counts as lost, and another
   /// instrument is refused. Throws DeviceError.
   void be_open();
+
+  /// At any time, and by any task: what shows without a question.
+  LinkState link_state() const;
 
   const Declaration& declaration() const { return loaded_.declaration; }
   const Identity& identity() const { return identity_; }

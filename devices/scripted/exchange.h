@@ -40,6 +40,10 @@ class Exchange : public Operations {
   /// When the last question was sent, and when its answer was there.
   Time asked() const { return asked_; }
   Time answered() const { return answered_; }
+  /// For how long an answer has been owed; zero: none is.
+  Time owed() const {
+    return owed_ || asked_ > answered_ ? dialogue_.clock().now() - asked_ : Time::zero();
+  }
 
   /// Carries out an action: a message is asked, or sent where `answer` is false; a function is
   /// called with io and `arguments`. What comes back: the answer's text, or the function's value.

@@ -37,6 +37,7 @@ class ScriptedCoils final : public CoilAmplifier {
 
   std::string identity() const override { return to_string(connection_.identity()); }
   int channels() const override { return static_cast<int>(currents_.size()); }
+  LinkState link_state() const override { return connection_.link_state(); }
   double current_limit() const override { return number("current_limit"); }
   std::vector<double> currents() const override { return currents_; }
 
@@ -120,6 +121,7 @@ class ScriptedLamp final : public Lamp {
 
   std::string identity() const override { return to_string(connection_.identity()); }
   double level() const override { return level_; }
+  LinkState link_state() const override { return connection_.link_state(); }
   void set_level(double level) override {
     if (!(level >= 0 && level <= 1)) throw std::invalid_argument("level: must be 0 to 1");
     const Dialogue::Turn turn(connection_.dialogue());

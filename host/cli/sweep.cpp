@@ -78,14 +78,16 @@ SweepRequest request_of(Program& program, SweepWords& wanted) {
   return request;
 }
 
-/// Where instruments are real there is one laboratory, and one run in it at a time.
-void check_laboratory(Program& program, const std::string& rig, SweepWords& wanted) {
-  if (!has_real_instruments(program.engine().load_rig(rig))) return;
+/// Where instruments are real there is one laboratory, and one run in it at a time. Whether they
+/// are.
+bool check_laboratory(Program& program, const std::string& rig, SweepWords& wanted) {
+  if (!has_real_instruments(program.engine().load_rig(rig))) return false;
   if (wanted.slurm || wanted.jobs > 1)
     throw ConfigError(rig +
                       ": has real instruments, which one run at a time can use: --jobs 1, "
                       "and no --slurm");
   wanted.jobs = 1;
+  return true;
 }
 
 /// How far it is, on the standard error: one line that is redrawn on a terminal; elsewhere a line
@@ -265,8 +267,10 @@ int sweep(Program& program, SweepWords& wanted) {
   if (wanted.protocol.empty()) throw ConfigError("sweep: wants a protocol, or --resume FOLDER");
   const std::string out = wanted.request.where.out;
   wanted.request.where.out = out.empty() ? "sweeps" : out;
-  const SweepRequest request = request_of(program, wanted);
-  check_laboratory(program, request.run.where.rig_file, wanted);
+  SweepRequest request = request_of(program, wanted);
+  // The runs lie in the sweep's own folder, and are of the laboratory's calibration all the same.
+  if (check_laboratory(program, request.run.where.rig_file, wanted))
+    request.run.where.calibrated_in = RunRequest::Where().out;
   // Before the folder is made: a mistake in the words leaves none behind.
   const PointPlan plan = plan_sweep(program.engine(), request);
   if (wanted.list) return list_points(plan, wanted.json);

@@ -28,6 +28,8 @@ struct RunRequest {
   struct Where {
     std::string rig_file;
     std::string out = "runs";  // the folder in which the run's folder is made
+    // The folder of runs whose installed calibration is in force; empty: `out`.
+    std::string calibrated_in{};
   };
   struct How {
     std::uint64_t seed = 1;

@@ -88,7 +88,9 @@ std::vector<std::string> check_place(ScriptEngine& engine, const RunRequest& req
                                      std::vector<std::string>* kinds = nullptr) {
   checked.rig = engine.load_rig(request.where.rig_file);
   // Before the bounds are checked: the values in force are those that must be within them.
-  take_installed_calibration(checked.rig, request.where.out);
+  const RunRequest::Where& where = request.where;
+  take_installed_calibration(checked.rig,
+                             where.calibrated_in.empty() ? where.out : where.calibrated_in);
   std::vector<std::string> roles = check_rig(checked.rig, kinds);
   check_labels(request, checked);
   return roles;

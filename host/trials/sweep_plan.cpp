@@ -2,12 +2,15 @@
 #include "host/trials/sweep_plan.h"
 
 #include "host/config/config.h"
+#include "host/engine/installed_calibration.h"
 #include "host/engine/preparation.h"
 #include "host/engine/request_check.h"
 #include "host/engine/run_engine.h"
 #include "host/engine/versions.h"
 #include "host/files/digest.h"
+#include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
+#include "host/rig/calibrations.h"
 #include "host/text/units.h"
 #include "host/trials/silent_listener.h"
 
@@ -28,6 +31,19 @@ std::string digest_of(const RigDescription& rig) {
   digest.update(rig.text);
   for (const RigSource& base : rig.bases) digest.update(base.text);
   return digest.hex();
+}
+
+/// Of the calibration in force, after take_installed_calibration(); empty: none is installed.
+std::string calibration_digest(const RigDescription& rig) {
+  const Calibrations calibrations = Calibrations::of(rig);
+  if (!calibrations.installed || !fs::exists(calibrations.installed->file)) return "";
+  return sha256(read_whole_file(calibrations.installed->file));
+}
+
+/// Absolute; empty: that of each run's own folder.
+std::string calibrated_in(const RunRequest& run) {
+  const std::string& runs = run.where.calibrated_in;
+  return runs.empty() ? "" : fs::absolute(runs).lexically_normal().string();
 }
 
 /// Numbers keep every digit in JSON (shortest decimals that read back as the same doubles).
@@ -90,6 +106,8 @@ nlohmann::json head_of(const SweepRequest& request, const CheckedRequest& checke
            {{"file", fs::absolute(run.where.rig_file).lexically_normal().string()},
             {"name", fs::path(run.where.rig_file).stem().string()},
             {"sha256", digest_of(checked.rig)}}},
+          {"calibrated_in", calibrated_in(run)},
+          {"calibration", calibration_digest(checked.rig)},
           {"axes", axes_json(axes)},
           {"repeats", request.repeats},
           {"seeds", word_of(request.seeds)},
@@ -118,6 +136,7 @@ RunRequest request_of(const nlohmann::json& head) {
   RunRequest request;
   request.what.protocol_file = head.at("protocol").at("file").get<std::string>();
   request.where.rig_file = head.at("rig").at("file").get<std::string>();
+  request.where.calibrated_in = head.value("calibrated_in", "");
   request.what.frames = head.at("frames").get<std::vector<std::string>>();
   request.what.answers = head.at("answers").get<std::vector<std::string>>();
   request.how.faults = head.at("faults").get<std::vector<std::string>>();
@@ -180,6 +199,7 @@ PointPlan plan_sweep(ScriptEngine& engine, const SweepRequest& request) {
       for (const char* key : {"frames", "answers", "faults"}) all[key] = plan.head[key];
       all["protocol"] = plan.head["protocol"]["sha256"];
       all["rig"] = plan.head["rig"]["sha256"];
+      if (plan.head["calibration"] != "") all["calibration"] = plan.head["calibration"];
       plan.points.push_back({point_key(all), what});
     }
   return plan;
@@ -191,12 +211,19 @@ void check_unchanged(ScriptEngine& engine, const nlohmann::json& head) {
   const auto check = [&head](const char* what, const std::string& file, const std::string& now) {
     if (head.at(what).at("sha256") != now)
       throw SweepError(file +
-                       ": has changed since the sweep began, and its table would mix two: "
-                       "put it back, or begin a new sweep");
+                       ": has changed since the sweep began, and its table would mix two: put it "
+                       "back, or begin a new sweep");
   };
   check("protocol", request.what.protocol_file,
         sha256(engine.describe(request.what.protocol_file).text));
-  check("rig", request.where.rig_file, digest_of(engine.load_rig(request.where.rig_file)));
+  RigDescription rig = engine.load_rig(request.where.rig_file);
+  check("rig", request.where.rig_file, digest_of(rig));
+  if (request.where.calibrated_in.empty()) return;
+  take_installed_calibration(rig, request.where.calibrated_in);
+  if (head.value("calibration", "") != calibration_digest(rig))
+    throw SweepError(request.where.rig_file +
+                     ": a calibration was installed since the sweep began, and its table "
+                     "would mix two: begin a new sweep");
 }
 
 // By the types of the exceptions, as main() does: from before a run all of them say that it did not

@@ -219,6 +219,32 @@ TEST(ScriptedRoles, ACoilAmplifierWhoseFileFailsIsAtZero) {
   }
 }
 
+// Each set point takes 80 ms: meanwhile the answer is owed, and the watch sees it. A cable that is
+// pulled is seen without a question.
+TEST(ScriptedRoles, AnAmplifiersLinkSaysWhatItOwesAndWhenItIsGone) {
+  Emulated it(filled(kCoils, {}));
+  const auto coils = open_coils(it.opening());
+  EXPECT_EQ(coils->link_state().owed, Time::zero());
+  EXPECT_EQ(coils->link_state().hung_up, "");
+  it.faults.late = 80ms;
+  const auto setting = it.clock->spawn("setting", [&] {
+    coils->set_currents(std::vector{1., 0.5, -1.});
+  });
+  it.clock->sleep_for(50ms);
+  EXPECT_GT(coils->link_state().owed, 40ms);
+  EXPECT_LE(coils->link_state().owed, 50ms);
+  setting->join();
+  EXPECT_EQ(coils->link_state().owed, Time::zero());
+  it.faults = {};
+  it.faults.silent = true;
+  EXPECT_THROW(coils->measured_currents(), DeviceError);
+  it.clock->sleep_for(1s);
+  EXPECT_GT(coils->link_state().owed, 1s) << "given up, and owed all the same";
+  it.faults = {};
+  it.faults.unplugged = true;
+  EXPECT_NE(coils->link_state().hung_up, "");
+}
+
 constexpr const char* kLamp = R"lua(
 return {
   title = "A lamp", kind = "lamp", link = { terminator = "\n", timeout = 0.2 }, identity = "*IDN?",
