@@ -68,7 +68,6 @@ return {
       feedback = p.feedback,
       background = background,
       field = p.field,
-      wall_drag = true,
     }
     servo:hold(port)
     rig.sample:insert_robot(port)

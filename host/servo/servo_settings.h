@@ -60,7 +60,7 @@ struct ServoSettings {
   /// rad, standard deviation of the robot's axis about the commanded field; 0: it lies along the
   /// field, as in the thesis. Nothing: 0, but of the law estimator kAxisSigma.
   std::optional<double> axis_sigma{};
-  bool wall_drag = false;  // ControllerSettings, where the rig's eye has walls
+  bool wall_drag = true;  // ControllerSettings, where the rig's eye has walls
   /// The robot may touch retina and lens: no keep-out margin, for what is pushed along the retina.
   bool may_touch = false;
   /// A dry run: the pose sensor in the camera's place, and with each position the ellipse that the

@@ -210,12 +210,14 @@ TEST(GelStep, ThePidTunedInOilLimitCyclesInVitreousAndVelocityControlDoesNotOver
   EXPECT_GT(gel["pid_reversals"], 40) << "one a second and more, without end";
   EXPECT_LT(gel["velocity_overshoot"], 0.05) << "noise and creep";
   EXPECT_NEAR(gel["velocity_last"].get<double>(), 1, 0.05);
-  // In the oil for which it was tuned the same PID rings, and arrives.
+  // In oil the same PID rings and arrives, at its margin: in the end it goes to and fro by a
+  // fiftieth of the step.
   place.write("oil.lua",
               "return { model = { robot = 'ndfeb_cylinder_1mm' }, coils = {}, sample = {}, "
               "pose_sensor = {}, truth = { coil_delay = 0.04 } }");  // and 10 ms of USB frames
   const auto oil = results_of(place, "gel_step watch=40s --rig oil.lua");
-  EXPECT_LT(oil["pid_reversals"], 30);
+  EXPECT_LT(oil["pid_reversals"].get<double>(), 0.25 * gel["pid_reversals"].get<double>());
+  EXPECT_LT(oil["pid_overshoot"].get<double>(), 0.2 * gel["pid_overshoot"].get<double>());
   EXPECT_NEAR(oil["pid_last"].get<double>(), 1, 0.05);
 }
 

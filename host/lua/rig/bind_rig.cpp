@@ -258,7 +258,7 @@ std::vector<Argument> servo_options() {
           {.name = "wall_drag",
            .type = Type::flag,
            .optional = true,
-           .help = "reckon with the drag that retina and lens add (false)"},
+           .help = "reckon with the drag that retina and lens add (true)"},
           number("coil_tone", "A", 0, 2,
                  "amplitude of the currents, without field or force, by which the law estimator "
                  "tells a weak coil (0.6 A)"),

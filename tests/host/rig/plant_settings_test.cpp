@@ -74,13 +74,13 @@ TEST(PlantSettings, GelRobotBodiesAndHeatComeThrough) {
   EXPECT_EQ(complaint(description), "");
 }
 
-TEST(PlantSettings, OfAPlantTheCoilsAreDrawnOrAllOrNothing) {
-  const sim::LaboratorySettings coils = read(rig_with({})).laboratory;
+TEST(PlantSettings, OfAPlantAllIsDrawnUnlessTheRigNamesTheCoilsOrNothing) {
+  const sim::LaboratorySettings coils = read(rig_with({{"machine", {"coils"}}})).laboratory;
   EXPECT_EQ(coils.sigmas.viscosity, 0);
   EXPECT_EQ(coils.moment_sigma, 0.05);
   EXPECT_EQ(coils.field_perturbation.gain, 0.03);
   EXPECT_FALSE(coils.world.wall_drag);
-  const sim::LaboratorySettings drawn = read(rig_with({{"machine", {"sampled"}}})).laboratory;
+  const sim::LaboratorySettings drawn = read(rig_with({})).laboratory;
   EXPECT_EQ(drawn.sigmas.pixel, 0.005);
   EXPECT_EQ(drawn.sigmas.eye, 50e-6);
   EXPECT_GT(drawn.sigmas.tilt, 0);

@@ -98,10 +98,11 @@ TEST(Servo, WithTwoCamerasTheDepthIsKnownBetterThanWithOne) {
 }
 
 TEST(Servo, AnAxisThatIsNotQuiteTheCommandedOneIsNotTakenForADepth) {
-  // The third machine's coils pitch the true field by 2.8 degrees.
+  // The third machine's coils pitch the true field by 2.8 degrees. Size, pixels and tilts as
+  // believed: each makes a depth of its own.
   RigDescription ellipsoid = whole_rig();
   ellipsoid.table["truth"] =
-      ConfigValue{ConfigTable{{"drawn_as", {"ellipsoid"}}, {"size_sigma", {0.0}}}};
+      ConfigValue{ConfigTable{{"drawn_as", {"ellipsoid"}}, {"machine", {"coils"}}}};
   const auto depth_error = [&](double sigma) {
     TestBench bench(3, {}, ellipsoid);
     ServoSettings settings = with(ControlLaw::estimator, Feedback::one_camera);
