@@ -10,7 +10,7 @@ local plant = require "session.plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 local kinds = { "none", "one_camera", "two_cameras" }
-local names = { none = "constant currents", one_camera = "one camera", two_cameras = "two cameras" }
+local names = drift.names
 local center = vector(0, 0, 0)
 local hand_speed = 1.5 * mm / s
 
@@ -27,7 +27,7 @@ local function trim(servo, tolerance)
 end
 
 -- An operator brings it near the place, not to it.
-local function bring(run, rig, servo, place, scatter)
+local function bring(run, rig, servo, place, scatter, edge)
   if not servo:status().position then -- it drifted out of sight: put it in anew
     servo:hold(center)
     rig.sample:insert_robot(center)
@@ -36,7 +36,7 @@ local function bring(run, rig, servo, place, scatter)
   local near
   repeat
     near = place.position + vector(statistics.normal(), statistics.normal(), statistics.normal()) * scatter
-  until places.in_sight(near)
+  until places.in_sight(near, edge + 0.5 * mm)
   servo:follow({ servo:position(), near }, { speed = hand_speed, acceleration = 10 * mm / s ^ 2, label = place.name })
   run:wait(0.7 * s)
 end
@@ -56,11 +56,11 @@ local function leave_alone(run, rig, p, background, kind, found)
   servo:wait_until_tracked()
   found.trim = found.trim or trim(servo, p.tolerance)
   servo:set_trim(found.trim)
-  for place in run:each(places.six, names[kind]) do
+  for place in run:each(found.six, names[kind]) do
     run:checkpoint("before " .. place.name)
     local speeds = {}
     for repetition = 1, p.repetitions do
-      bring(run, rig, servo, place, kind == "none" and p.scatter_open or p.scatter)
+      bring(run, rig, servo, place, kind == "none" and p.scatter_open or p.scatter, p.edge)
       local velocity = watch(run, function() servo:release() end, p.hold)
       speeds[repetition] = velocity:norm()
       run:record(
@@ -81,11 +81,16 @@ end
 
 -- The estimator: with its place held, and with what pushes it canceled but its place left alone.
 local function hold_on(run, rig, p, background, found)
-  local servo <close> = rig:servo { background = background, feedback = "one_camera", law = "estimator", field = p.field }
+  local servo <close> = rig:servo {
+    background = background,
+    feedback = p.feedback == "pose_sensor" and "pose_sensor" or "one_camera",
+    law = "estimator",
+    field = p.field,
+  }
   servo:hold(center)
   rig.sample:insert_robot(center)
   servo:wait_until_tracked()
-  for place in run:each(places.six, "estimator") do
+  for place in run:each(found.six, "estimator") do
     servo:go_to(place.position, { speed = hand_speed, within = 0.5 * mm, settle = 0 })
     run:wait(p.settle)
     drift.add(found, "hold", place.name, drift.velocity(run, p.hold):norm())
@@ -97,11 +102,22 @@ end
 
 return {
   title = "Magnetic drift",
-  needs = { "top_camera", "coils", "sample" },
+  needs = { "coils", "sample" },
   parameters = {
-    feedback = { choices = { "all", "none", "one_camera", "two_cameras" }, default = "all", help = "what the field follows" },
+    feedback = {
+      choices = { "all", "none", "one_camera", "two_cameras", "pose_sensor" },
+      default = "all",
+      help = "what the field follows; all: the thesis' three; pose_sensor: the simulator's truth, late and noisy",
+    },
     machines = { default = 8, min = 1, max = 100, integer = true, help = "drawn, on a simulated rig; the first is the rig's" },
-    repetitions = { default = 1, min = 1, max = 100, integer = true, help = "runs at each place" },
+    edge = {
+      unit = "mm",
+      default = 3.5 * mm,
+      min = 1 * mm,
+      max = 8 * mm,
+      help = "how far aside the three places at the right are",
+    },
+    repetitions = { default = 5, min = 1, max = 100, integer = true, help = "runs at each place" },
     hold = { unit = "s", default = 3 * s, min = 0.5 * s, max = 60 * s, help = "how long it is left alone" },
     settle = { unit = "s", default = 3 * s, min = 0.5 * s, max = 60 * s, help = "of the estimator, before its hold" },
     tolerance = {
@@ -121,8 +137,8 @@ return {
     local machines = rig.simulation and p.machines or 1
     plant.calibrate(rig, run, p.calibration)
     rig.sample:remove_robot()
-    local background = rig:learn_background { frames = 15 }
-    local found = {}
+    local background = p.feedback ~= "pose_sensor" and rig:learn_background { frames = 15 } or nil
+    local found = { six = places.six(p.edge) }
     for machine in run:each(machines, "machine") do
       if rig.simulation then rig.simulation:sample_machine(machine - 1) end
       found.trim, found.machine = nil, machine

@@ -134,8 +134,7 @@ return {
         what = "rank of " .. name,
         thesis = rank,
         ours = before[name].rank,
-        within = 1,
-        reason = "neighbors are apart by less than their own uncertainties",
+        within = 0,
         why = (name:find "cornea.anterior" or name:find "aqueous")
             and "the thesis has the cornea's radius before the aqueous' index; its spread over the field is not stated"
           or nil,
@@ -155,9 +154,7 @@ return {
       thesis = published.figure_4_6.lens_index_before,
       ours = wrong["lens.index"].worst,
       unit = "m",
-      at_most = 1 * mm,
-      reason = '"up to 4 mm" before; the figure\'s axis is in fractions of a millimeter',
-      why = "the figure's own numbers are not in the text",
+      why = "up to 4 mm before calibration; the figure's own numbers are not in the text",
     }
     book:close()
   end,
