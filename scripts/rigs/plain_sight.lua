@@ -6,7 +6,7 @@ local units = require "units"
 return {
   base = "simulated",
   title = "Simulated OctoMag without the model eye's optics",
-  top_camera = { view = "plain", microscope = false, projection = false },
+  top_camera = { view = "plain", microscope = false, projection = false, sensor = { brightness = 200, vignette = 0 } },
   lens_mover = false,
   stage = false,
 }
