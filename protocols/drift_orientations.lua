@@ -49,7 +49,9 @@ local function under_constant_currents(run, rig, servo, time)
       rig.coils:set_currents(currents)
       run:wait(0.02 * s)
     end
-  end, function() speed = free.watch(run, function() end, time):norm() end)
+  end, function()
+    speed = free.watch(run, function() end, time):norm()
+  end)
   rig.coils:set_currents(statistics.map(currents, function() return 0 end))
   return speed
 end

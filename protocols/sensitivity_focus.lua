@@ -72,14 +72,17 @@ local function calibrated_curves(run, eye, parameters, p)
   for number, name in ipairs(parameters) do
     local series = {}
     for i, depth_error in ipairs(wrong) do
-      local y = statistics.map(parts, function(part)
-        return eye:localization_error {
-          truth = eye:with { [name] = (1 + part * p.uncertainties[name]) * nominal[name] },
-          depth_to = p.depth,
-          calibrated = true,
-          retinal_depth_error = depth_error,
-        } or 0 / 0
-      end)
+      local y = statistics.map(
+        parts,
+        function(part)
+          return eye:localization_error {
+            truth = eye:with { [name] = (1 + part * p.uncertainties[name]) * nominal[name] },
+            depth_to = p.depth,
+            calibrated = true,
+            retinal_depth_error = depth_error,
+          } or 0 / 0
+        end
+      )
       series[i] = {
         label = ("retina %s wrong"):format(format_quantity(depth_error, "m")),
         x = statistics.map(parts, function(part) return part * p.uncertainties[name] * 100 end),

@@ -15,7 +15,7 @@ free.hand_speed = 1.5 * mm / s
 --- drift of about the tolerance, in any direction.
 function free.trim(servo, tolerance, speed)
   for _ = 1, 2 do
-    servo:go_to(center, { speed = speed or free.hand_speed, within = 0.5 * mm, settle = 1 * s })
+    servo:go_to(center, { speed = speed or free.hand_speed, within = 1 * mm, settle = 1 * s })
     servo:set_trim(servo:status().trim + servo:mean_correction(1 * s))
   end
   local left = drift.any_direction() * (tolerance * math.abs(statistics.normal()))
