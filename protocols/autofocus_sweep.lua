@@ -83,14 +83,15 @@ return {
       thesis = published.chapter_4.model_eye.depth_of_focus,
       ours = found.deviation,
       unit = "m",
-      at_most = published.chapter_4.model_eye.depth_of_focus,
-      reason = "the thesis takes its depth of focus as the variance to be expected",
+      why = "the thesis takes its depth of focus as the variance to be expected; the bench's stage moves exactly, so ours is "
+        .. "what the pixels' noise leaves",
     }
     book:number {
       id = "4.4.sweeps_found",
       what = "part of the sweeps that found a peak",
       ours = found.count / (found.count + found.failed),
       at_least = 0.9,
+      reason = "this project's goal",
     }
     book:close()
   end,

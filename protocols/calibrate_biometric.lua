@@ -84,6 +84,7 @@ local function computed(book)
       ours = before,
       unit = "m",
       at_least = 1 * mm,
+      printed = true,
       reason = '4.3: "original error values were on the order of 1 mm"',
     }
     book:number {

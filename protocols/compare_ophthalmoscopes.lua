@@ -94,9 +94,11 @@ return {
         thesis = published.field_of_view[method.key],
         ours = field.angle,
         unit = "rad",
-        within = method.key == "direct" and 2 * deg or nil,
-        at_most = method.key == "indirect" and published.field_of_view.indirect or nil,
-        between = method.key == "vitrectomy" and { 35 * deg, 40 * deg } or nil,
+        within = method.key == "direct" and 1 * deg or nil,
+        at_most = method.key ~= "direct" and published.field_of_view[method.key] or nil,
+        at_least = method.key ~= "direct" and 0.9 * published.field_of_view[method.key] or nil,
+        printed = method.key ~= "direct",
+        reason = method.key == "direct" and '"~10 degrees": the nearest ten, to a tenth of it' or '"up to", to a tenth of it',
         why = method.key == "indirect" and '"up to 100 degrees" over commercial lenses; this one loses its rays beyond 91'
           or "the thesis names no observer distance and no lens diameter: assumed, parameters of this protocol",
       }
@@ -118,7 +120,6 @@ return {
       id = "3.1.direct_retina_image",
       what = "direct: the retina's image is at infinity, so farther than",
       where = "figure 3.2b",
-      thesis = 1,
       ours = math.abs(found.direct.retina.distance),
       unit = "m",
       at_least = 1,
@@ -132,7 +133,7 @@ return {
       ours = -found.vitrectomy.retina.distance,
       unit = "m",
       within = 1 * mm,
-      reason = '"at least 20 mm", a round number',
+      reason = '"at least 20 mm", a number of two digits, read off a curve',
       why = "first order from the printed table",
     }
     book:number {
@@ -141,6 +142,7 @@ return {
       where = "figure 3.3b",
       ours = found.vitrectomy.span / found.direct.span,
       at_most = 1,
+      printed = true,
       reason = '"span a lesser distance"',
     }
     book:number {
@@ -150,7 +152,8 @@ return {
       ours = found.indirect.retina.distance,
       unit = "m",
       at_least = 0,
-      reason = "a real image",
+      printed = true,
+      reason = "an aerial image is a real one",
     }
     book:number {
       id = "4.1.magnification",

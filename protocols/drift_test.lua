@@ -6,47 +6,13 @@ local units = require "units"
 local places = require "places"
 local drift = require "analysis.drift"
 local statistics = require "analysis.statistics"
+local free = require "session.free_drift"
 local plant = require "session.plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 local kinds = { "none", "one_camera", "two_cameras" }
-local names = { none = "constant currents", one_camera = "one camera", two_cameras = "two cameras" }
+local names = drift.names
 local center = vector(0, 0, 0)
-local hand_speed = 1.5 * mm / s
-
--- The thesis' hand trim at the center. What the loop has to add all the time is what the model lacks; an operator leaves a
--- drift of about the tolerance, in any direction.
-local function trim(servo, tolerance)
-  for _ = 1, 2 do
-    servo:go_to(center, { speed = hand_speed, within = 0.5 * mm, settle = 1 * s })
-    servo:set_trim(servo:status().trim + servo:mean_correction(1 * s))
-  end
-  local left = drift.any_direction() * (tolerance * math.abs(statistics.normal()))
-  servo:set_trim(servo:status().trim + servo:force_for(left))
-  return servo:status().trim
-end
-
--- An operator brings it near the place, not to it.
-local function bring(run, rig, servo, place, scatter)
-  if not servo:status().position then -- it drifted out of sight: put it in anew
-    servo:hold(center)
-    rig.sample:insert_robot(center)
-    servo:wait_until_tracked()
-  end
-  local near
-  repeat
-    near = place.position + vector(statistics.normal(), statistics.normal(), statistics.normal()) * scatter
-  until places.in_sight(near)
-  servo:follow({ servo:position(), near }, { speed = hand_speed, acceleration = 10 * mm / s ^ 2, label = place.name })
-  run:wait(0.7 * s)
-end
-
--- Drift of a robot that is left alone, as `let_go` has it, over `time`: m/s.
-local function watch(run, let_go, time)
-  let_go()
-  run:wait(0.25 * s) -- until what held it has gone through coils and latency
-  return drift.velocity(run, time)
-end
 
 -- The runs of one kind of feedback at all places; the median of a machine's mean drift is what counts.
 local function leave_alone(run, rig, p, background, kind, found)
@@ -54,14 +20,17 @@ local function leave_alone(run, rig, p, background, kind, found)
   servo:hold(center)
   rig.sample:insert_robot(center)
   servo:wait_until_tracked()
-  found.trim = found.trim or trim(servo, p.tolerance)
+  found.trim = found.trim or free.trim(servo, p.tolerance)
   servo:set_trim(found.trim)
-  for place in run:each(places.six, names[kind]) do
+  for place in run:each(found.six, names[kind]) do
     run:checkpoint("before " .. place.name)
     local speeds = {}
     for repetition = 1, p.repetitions do
-      bring(run, rig, servo, place, kind == "none" and p.scatter_open or p.scatter)
-      local velocity = watch(run, function() servo:release() end, p.hold)
+      free.bring(run, rig, servo, place, {
+        scatter = kind == "none" and p.scatter_open or p.scatter,
+        allowed = function(near) return places.in_sight(near, p.edge + 0.5 * mm) end,
+      })
+      local velocity = free.watch(run, function() servo:release() end, p.hold)
       speeds[repetition] = velocity:norm()
       run:record(
         "drift",
@@ -81,27 +50,44 @@ end
 
 -- The estimator: with its place held, and with what pushes it canceled but its place left alone.
 local function hold_on(run, rig, p, background, found)
-  local servo <close> = rig:servo { background = background, feedback = "one_camera", law = "estimator", field = p.field }
+  local alone = p.feedback == "pose_sensor" or p.feedback == "two_cameras"
+  local servo <close> = rig:servo {
+    background = background,
+    feedback = alone and p.feedback or "one_camera",
+    law = "estimator",
+    field = p.field,
+  }
   servo:hold(center)
   rig.sample:insert_robot(center)
   servo:wait_until_tracked()
-  for place in run:each(places.six, "estimator") do
-    servo:go_to(place.position, { speed = hand_speed, within = 0.5 * mm, settle = 0 })
+  for place in run:each(found.six, "estimator") do
+    servo:go_to(place.position, { speed = free.hand_speed, within = 0.5 * mm, settle = 0 })
     run:wait(p.settle)
     drift.add(found, "hold", place.name, drift.velocity(run, p.hold):norm())
     local function cancel() servo:release { cancel = true } end
-    drift.add(found, "cancel", place.name, watch(run, cancel, p.hold):norm())
+    drift.add(found, "cancel", place.name, free.watch(run, cancel, p.hold):norm())
   end
   rig.sample:remove_robot()
 end
 
 return {
   title = "Magnetic drift",
-  needs = { "top_camera", "coils", "sample" },
+  needs = { "coils", "sample" },
   parameters = {
-    feedback = { choices = { "all", "none", "one_camera", "two_cameras" }, default = "all", help = "what the field follows" },
+    feedback = {
+      choices = { "all", "none", "one_camera", "two_cameras", "pose_sensor" },
+      default = "all",
+      help = "what the field follows; all: the thesis' three; pose_sensor: the simulator's truth, late and noisy",
+    },
     machines = { default = 8, min = 1, max = 100, integer = true, help = "drawn, on a simulated rig; the first is the rig's" },
-    repetitions = { default = 1, min = 1, max = 100, integer = true, help = "runs at each place" },
+    edge = {
+      unit = "mm",
+      default = 3.5 * mm,
+      min = 1 * mm,
+      max = 8 * mm,
+      help = "how far aside the three places at the right are",
+    },
+    repetitions = { default = 5, min = 1, max = 100, integer = true, help = "runs at each place" },
     hold = { unit = "s", default = 3 * s, min = 0.5 * s, max = 60 * s, help = "how long it is left alone" },
     settle = { unit = "s", default = 3 * s, min = 0.5 * s, max = 60 * s, help = "of the estimator, before its hold" },
     tolerance = {
@@ -118,11 +104,14 @@ return {
   },
   run = function(rig, p, run)
     local asked = p.feedback == "all" and kinds or { p.feedback }
+    if p.feedback ~= "pose_sensor" and not rig.top_camera then
+      error("feedback: this rig has no top camera; feedback=pose_sensor does without", 0)
+    end
     local machines = rig.simulation and p.machines or 1
     plant.calibrate(rig, run, p.calibration)
     rig.sample:remove_robot()
-    local background = rig:learn_background { frames = 15 }
-    local found = {}
+    local background = p.feedback ~= "pose_sensor" and rig:learn_background { frames = 15 } or nil
+    local found = { six = places.six(p.edge) }
     for machine in run:each(machines, "machine") do
       if rig.simulation then rig.simulation:sample_machine(machine - 1) end
       found.trim, found.machine = nil, machine

@@ -2,6 +2,7 @@
 -- the side camera: the results of the controller, with the thesis' PD beside it. With feedback = "pose_sensor" of control
 -- alone, without optics (a simulated sensor of the truth, late and noisy); else through camera, eye and tracker.
 -- SPDX-License-Identifier: Apache-2.0
+local expect = require "analysis.expectations"
 local units = require "units"
 local paths = require "paths"
 local judge = require "analysis.path_accuracy"
@@ -61,7 +62,7 @@ end
 -- How far the loop is from oscillating, and what it found of itself: a table, and two results.
 local function margins(run, servo, when)
   local m = servo:margins()
-  if not m then return end
+  if not m then return nil end
   run:result("gain_margin", m.gain_up)
   run:result("delay_margin", m.delay_more, "s")
   run:table {
@@ -76,6 +77,7 @@ local function margins(run, servo, when)
       { "normalized innovation; correlation", ("%.2f; %.2f"):format(m.innovation, m.correlation) },
     },
   }
+  return m
 end
 
 -- What the loop said of its own control since the last goal: a verdict in the table, a result, and a note where it is not good.
@@ -111,6 +113,57 @@ local function square(run, servo, p)
   return span
 end
 
+-- How near the main law should come, by what it sees with. The thesis holds no place and prints no number.
+local hold_goal = { pose_sensor = 5 * um, one_camera = 10 * um, two_cameras = 10 * um }
+local square_goal = { pose_sensor = 12 * um, one_camera = 300 * um, two_cameras = 300 * um }
+
+-- The run's verdict: goals on errors and margins, that the loop found its own control good, and that the PD is not better.
+local function judged(run, p, found)
+  local book = expect.book(run, "goal")
+  local function goal(id, what, ours, bound)
+    book:number {
+      id = id,
+      what = what,
+      ours = ours,
+      unit = bound.unit,
+      at_most = bound.at_most,
+      at_least = bound.at_least,
+      reason = bound.reason,
+    }
+  end
+  for _, part in ipairs { { "hold", "held place", hold_goal }, { "square", "square", square_goal } } do
+    local name, span = part[1], found[part[1]][p.law]
+    local own = "this project's goal, feedback " .. p.feedback
+    if p.law == "estimator" then
+      goal(
+        name .. ".error",
+        part[2] .. ": rms in 3-D",
+        span.found.rms,
+        { unit = "m", at_most = part[3][p.feedback], reason = own }
+      )
+    else
+      book:number { id = name .. ".error", what = part[2] .. ": rms in 3-D", ours = span.found.rms, unit = "m" }
+    end
+    local good = span.verdict == "good" and 1 or 0
+    goal(name .. ".control", part[2] .. ": the loop found its control good", good, { at_least = 1, reason = "servo:quality()" })
+    local pd = p.law ~= "pd" and found[name].pd
+    if pd then
+      local over = span.found.rms / pd.found.rms
+      goal(name .. ".over_pd", part[2] .. ": error over that of the thesis' PD", over, { at_most = 1, reason = "never worse" })
+    end
+  end
+  if found.margins then
+    goal("margin.gain", "gain margin", found.margins.gain_up, { at_least = 2, reason = "6 dB" })
+    goal(
+      "margin.delay",
+      "delay margin",
+      found.margins.delay_more,
+      { unit = "s", at_least = 60e-3, reason = "this project's goal" }
+    )
+  end
+  book:close()
+end
+
 return {
   title = "Hold and square",
   needs = { "coils", "sample" },
@@ -144,6 +197,7 @@ return {
     if aligned then run:note("the top camera's bias is taken from the side camera before the hold, at its place") end
     local laws = p.compare and p.law ~= "pd" and { p.law, "pd" } or { p.law }
     local rows, holds, squares = {}, {}, {}
+    local found = { hold = {}, square = {} }
     for law in run:each(laws, "law") do
       local servo <close> = rig:servo { background = background, feedback = p.feedback, law = law, field = p.field }
       servo:hold(place)
@@ -151,12 +205,13 @@ return {
       servo:wait_until_tracked { timeout = 10 * s }
       run:checkpoint("before the hold, " .. law)
       local held = hold(run, servo, p, aligned)
-      if law == p.law then margins(run, servo, "at the hold's end") end
+      if law == p.law then found.margins = margins(run, servo, "at the hold's end") end
       quality(run, servo, law, "hold", held)
       run:checkpoint("before the square, " .. law)
       local went = square(run, servo, p)
       quality(run, servo, law, "square", went)
       held.law, went.law = law, law
+      found.hold[law], found.square[law] = held, went
       holds[#holds + 1], squares[#squares + 1] = held, went
       run:result(name_of("hold", law, p.law), held.found.rms, "m")
       run:result(name_of("square", law, p.law), went.found.rms, "m")
@@ -183,5 +238,6 @@ return {
     }
     error_plot(run, "Holding a place: error against time", holds)
     error_plot(run, "Round the square: error against time", squares)
+    judged(run, p, found)
   end,
 }

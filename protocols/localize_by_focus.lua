@@ -120,15 +120,18 @@ return {
 
     local book = expect.book(run, "table 4.1")
     local thesis = published.table_4_1
+    -- A stage that moves exactly leaves 0.04 um of scatter where the thesis' had 83: not the same error, so none is better.
+    local told = ("the eye of table 5.3, not chapter 4's undisclosed lens; focus scatters by %s here, by %s there"):format(
+      format_quantity(statistics.median(deviations), "m"),
+      format_quantity(published.chapter_4.model_eye.depth_of_focus, "m")
+    )
     book:number {
       id = "4.1.mean",
       what = "mean error over all places, axis and retinal shape calibrated, as the thesis' was",
       thesis = thesis.mean,
       ours = statistics.mean(errors_full),
       unit = "m",
-      at_most = thesis.mean,
-      reason = "an error: at most the thesis' own",
-      why = "the eye of table 5.3, not chapter 4's undisclosed lens",
+      why = told,
     }
     book:number {
       id = "4.1.deviation",
@@ -136,8 +139,7 @@ return {
       thesis = thesis.deviation,
       ours = statistics.deviation(errors_full),
       unit = "m",
-      at_most = thesis.deviation,
-      reason = "as before",
+      why = told,
     }
     book:number {
       id = "4.1.retina_mean",
@@ -145,13 +147,11 @@ return {
       thesis = thesis.mean,
       ours = statistics.mean(errors),
       unit = "m",
-      at_most = thesis.mean,
-      reason = "as before",
+      why = told,
     }
     book:number {
       id = "4.1.localized",
       what = "places without an answer",
-      thesis = 0,
       ours = missing,
       at_most = 0.05 * p.angles * p.surfaces,
       reason = "one in twenty",

@@ -169,6 +169,7 @@ return {
             what = "depth in the eye that a millimeter of the sensor covers, at the retina over far from it",
             ours = per_step(near + 0.6 * mm) / per_step(far - 0.6 * mm),
             at_least = 1,
+            printed = true,
             reason = '"increased depth resolution" farther from the retina',
             why = "3.2 calls the surfaces denser closer to the retina: that holds for the images of evenly spaced objects",
           }

@@ -60,9 +60,8 @@ return {
     book:number {
       id = "A.joined",
       what = "views that were joined, of " .. p.views,
-      thesis = p.views,
       ours = made.joined,
-      within = 0,
+      at_least = p.views,
       reason = '"we tested the autofocusing and mosaicing concept of our device": all of them',
     }
     book:number {

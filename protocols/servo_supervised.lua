@@ -6,7 +6,9 @@
 local bring = require "session.preparation"
 local by_hand = require "session.manual_control"
 local expect = require "analysis.expectations"
+local eyes = require "session.eyes"
 local judge = require "analysis.path_accuracy"
+local retina = require "calibration.retina"
 local statistics = require "analysis.statistics"
 local track_errors = require "analysis.track_errors"
 local units = require "units"
@@ -96,14 +98,30 @@ return {
     within = { unit = "mm", default = 0.3 * mm, min = 0.02 * mm, max = 2 * mm, help = "how near is there" },
     speed = { unit = "mm/s", default = 0.5 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "along the way" },
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
+    eye = eyes.parameter "nominal",
+    draw = eyes.draw,
+    calibrate = {
+      choices = { "auto", "yes", "no" },
+      default = "auto",
+      help = "on the retina, before, as in thesis 6.2; auto: when the eye is perturbed",
+    },
   },
   run = function(rig, p, run)
     local script = p.points ~= "ask" and p.points ~= "view" and read_points(p.points) or nil
     rig.sample:remove_robot()
+    local truth = p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw) or nil
     local background = rig:learn_background { frames = 15 }
-    local servo <close> = rig:servo { background = background, field = p.field }
+    local calibrates = p.calibrate == "yes" or (p.calibrate == "auto" and p.eye == "perturbed")
+    local view
+    if calibrates then
+      local shown = "on the retina, for calibration"
+      view = retina.view(rig, run, background, { field = p.field, axis = { 1, 0, 0 }, snapshot = shown })
+      run:wait(0.2 * s) -- the next loop's currents must not follow these at once
+      eyes.report(run, rig:eye(), truth)
+    end
+    local servo <close> = rig:servo { background = background, field = p.field, view = view }
     bring.insert(rig, servo, vector(0, 0, 0))
-    bring.trim(servo, vector(0, 0, 0), { rounds = 1 })
+    bring.trim(servo, vector(0, 0, 0), { rounds = 1, within = view and 0.8 * mm or nil })
     local rows, reached, warned, errors, bars = {}, 0, 0, {}, { x = {}, y = {}, p = {} }
     local number = 1
     local function visit(target)
@@ -190,9 +208,8 @@ return {
     book:number {
       id = "6.7.reached",
       what = "points that were reached, of " .. #rows,
-      thesis = #rows,
       ours = reached,
-      within = 0,
+      at_least = #rows,
       reason = '"servo the device to user specified points"',
     }
     if #errors > 0 then
@@ -202,8 +219,9 @@ return {
         thesis = 266 * um,
         ours = statistics.mean(errors),
         unit = "m",
-        at_most = 266 * um,
-        reason = "93 and 249 µm along x and z of table 5.4, together",
+        error = truth and calibrates and "an eye off by table 5.1, calibration on the retina, pixels, tracker" or nil,
+        why = "93 and 249 µm along x and z of table 5.4, together"
+          .. (truth and "" or "; the eye is as believed, so it is not the same error"),
         where = "table 5.4",
       }
     end

@@ -61,7 +61,7 @@ std::vector<PlannedRun> chosen(const RigDescription& plan, const ReproductionWor
 // On the standard error, a line as each run ends, for the standard output is the table's.
 void report(const ReproducedRun& run) {
   int missed = 0;
-  for (const ReproducedRow& row : run.rows) missed += is_missed(row.verdict);
+  for (const ReproducedRow& row : run.rows) missed += is_missed(row);
   fmt::print(stderr, "{:<26} {:<10} {:5.1f} s  {} numbers, {} missed{}{}\n", run.plan.protocol,
              run.outcome, run.wall_time, run.rows.size(), missed, run.reason.empty() ? "" : ": ",
              run.reason);
@@ -123,12 +123,12 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   write_file(page, reproduction_page(runs, request.out));
   bool well = true;
   nlohmann::json rows = nlohmann::json::array();
-  // The exit code is 1 for a number outside its tolerance as well as for a run that did not
+  // The exit code is 1 for a number that is missed as well as for a run that did not
   // complete, so that the whole can serve as a test.
   for (const ReproducedRun& run : runs) {
     well = well && run.outcome == "completed" && run.reason.empty();
     for (const ReproducedRow& row : run.rows) {
-      well = well && !is_missed(row.verdict);
+      well = well && !is_missed(row);
       rows.push_back(to_json(row));
     }
   }
@@ -150,7 +150,7 @@ void add_reproduce(CommandLine& line, Program& program) {
       [&program, wanted] { return reproduce_thesis(program, *wanted); });
   command.option("only", wanted->only, "protocols of the plan (default: all)");
   command.flag("--json", wanted->json,
-               "a row for each number: id, thesis, ours, unit, tolerance, verdict, why");
+               "a row for each number: id, thesis, ours, unit, tolerance, verdict, deviation, why");
   command.flag("--brief", wanted->brief, "the short form of each run, to see that all of it works");
   command.flag("--laboratory", wanted->laboratory,
                "those that can on the emulated laboratory, in real time, for the page's column");

@@ -4,6 +4,7 @@
 #include "host/engine/versions.h"
 #include "host/files/child_process.h"
 #include "host/files/run_folder.h"
+#include "host/record/thesis_verdict.h"
 #include "host/text/columns.h"
 #include "host/trials/point_execution.h"
 #include "host/trials/silent_listener.h"
@@ -89,6 +90,8 @@ void read_rows(ReproducedRun& run) {
       made.thesis = row["thesis"].get<double>();
     made.ours =
         row.contains("ours") && row["ours"].is_number() ? row["ours"].get<double>() : std::nan("");
+    if (row.contains("deviation") && row["deviation"].is_number())
+      made.deviation = row["deviation"].get<double>();
     if (row.contains("values") && row["values"].is_array())
       for (const auto& value : row["values"])
         if (value.is_number()) made.values.push_back(value.get<double>());
@@ -162,33 +165,27 @@ std::string escaped(const std::string& text, bool html) {
   return made;
 }
 
-/// Numbers by verdict, and runs.
-struct Tally {
-  int well = 0;
-  int missed = 0;
-  int printed = 0;
+/// Each verdict by itself: a goal of this project that is met is no number of the thesis.
+std::string summary(const std::vector<ReproducedRun>& runs) {
+  VerdictCounts counts;
   int failed = 0;
-  int runs = 0;
-};
-
-// "printed" is a number without a bar: it is shown and not judged, so it counts neither way.
-Tally tally(const std::vector<ReproducedRun>& runs) {
-  Tally all;
+  int all = 0;
+  int unexplained = 0;
   for (const ReproducedRun& run : runs) {
-    all.runs += !run.plan.rig.empty();  // what is joined is no run
-    all.failed += run.outcome != "completed" || !run.reason.empty();
-    for (const ReproducedRow& row : run.rows)
-      ++(is_missed(row.verdict) ? all.missed : row.verdict == "printed" ? all.printed : all.well);
+    all += !run.plan.rig.empty();  // what is joined is no run
+    failed += run.outcome != "completed" || !run.reason.empty();
+    for (const ReproducedRow& row : run.rows) {
+      counts.count(row.verdict);
+      unexplained += row.verdict == to_string(ThesisVerdict::differs) && row.why.empty();
+    }
   }
-  return all;
+  return fmt::format("{}; of what differs {} is without a cause. {} of {} runs did not complete.",
+                     counts.text(), unexplained, failed, all);
 }
 
-std::string summary(const std::vector<ReproducedRun>& runs) {
-  const Tally all = tally(runs);
-  return fmt::format(
-      "{} numbers agree or are better, {} do not, {} are only told; {} of {} runs did not "
-      "complete.",
-      all.well, all.missed, all.printed, all.failed, all.runs);
+/// "differs, 4.1 spreads": with how far it is from the thesis, where that printed a spread.
+std::string verdict_text(const ReproducedRow& row) {
+  return row.verdict + (row.deviation ? fmt::format(", {:.1f} spreads", *row.deviation) : "");
 }
 
 // What is joined has no rig of its own (reproduction_joined.cpp) and is titled by its name.
@@ -229,14 +226,24 @@ std::string cell_text(const std::string& text, bool html) {
   return escaped(with_print_units(text), html);
 }
 
+// By its color: red, yellow for what differs with a cause, none for what is only shown.
+const char* row_class(const ReproducedRow& row) {
+  if (is_missed(row)) return "missed";
+  const auto verdict = thesis_verdict_named(row.verdict);
+  if (verdict == ThesisVerdict::differs) return "differs";
+  return verdict == ThesisVerdict::shown ? "" : "well";
+}
+
 }  // namespace
 
 std::string quantity_text(double value, const std::string& unit) {
   return std::isfinite(value) ? format_quantity(value, unit, kQuantityDigits) : "none";
 }
 
-bool is_missed(const std::string& verdict) {
-  return verdict != "agrees" && verdict != "better" && verdict != "printed";
+bool is_missed(const ReproducedRow& row) {
+  const auto verdict = thesis_verdict_named(row.verdict);
+  if (verdict == ThesisVerdict::differs) return row.why.empty();
+  return !verdict || verdict == ThesisVerdict::goal_missed;
 }
 
 // Keys are sorted; entries with `joins` are read_joined()'s.
@@ -319,6 +326,7 @@ nlohmann::json to_json(const ReproducedRow& row) {
                          {"why", row.why},   {"protocol", row.protocol},   {"run", row.run}};
   json["thesis"] = row.thesis ? nlohmann::json(*row.thesis) : nlohmann::json();
   json["ours"] = std::isfinite(row.ours) ? nlohmann::json(row.ours) : nlohmann::json();
+  json["deviation"] = row.deviation ? nlohmann::json(*row.deviation) : nlohmann::json();
   return json;
 }
 
@@ -327,10 +335,11 @@ std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
   std::string text =
       "# The thesis, reproduced\n\nWritten by `vitreo reproduce`, not by hand: each number of the "
       "thesis that a "
-      "protocol can measure on the simulated laboratory, ours beside it, with the tolerance, the "
+      "protocol can measure on the simulated laboratory, ours beside it, with the measure, the "
       "verdict, and why "
       "where "
-      "we differ; of some the same protocol on the emulated laboratory, behind real links "
+      "we differ ([what the words mean](protocols.md#verdicts)); of some the same protocol on the "
+      "emulated laboratory, behind real links "
       "(`vitreo reproduce --laboratory`, shorter where the plan says so). Seeds and all settings "
       "are in the runs' records; `scripts/reproduction.lua` is "
       "the plan.\n\n" +
@@ -341,7 +350,7 @@ std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
       text += fmt::format("{}: {}\n\n", run.outcome, escaped(run.reason, false));
     if (run.rows.empty()) continue;
     text +=
-        "| where | what | thesis | ours | emulated laboratory | tolerance | verdict | why "
+        "| where | what | thesis | ours | emulated laboratory | measure | verdict | why "
         "|\n|---|---|---|---|---|---|---|---|\n";
     const std::vector<Compared> cells = compared(run.rows);
     for (std::size_t i = 0; i < run.rows.size(); ++i) {
@@ -349,7 +358,7 @@ std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
       text += fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} |\n",
                           cell_text(row.where, false), cell_text(row.what, false), cells[i].thesis,
                           cells[i].ours, cells[i].laboratory, cell_text(cells[i].tolerance, false),
-                          is_missed(row.verdict) ? "**" + row.verdict + "**" : row.verdict,
+                          is_missed(row) ? "**" + verdict_text(row) + "**" : verdict_text(row),
                           cell_text(row.why, false));
     }
   }
@@ -366,7 +375,8 @@ std::string reproduction_page(const std::vector<ReproducedRun>& runs, const fs::
       "0}td,th{border:1px "
       "solid "
       "#ccc;padding:.2em "
-      ".5em;text-align:left;vertical-align:top}.missed{background:#fdd}.well{background:#dfd}</"
+      ".5em;text-align:left;vertical-align:top}.missed{background:#fdd}.differs{background:#ffc}."
+      "well{background:#dfd}</"
       "style>\n"
       "<h1>The thesis, reproduced</h1>\n<p>" +
       summary(runs) + "</p>\n";
@@ -382,18 +392,15 @@ std::string reproduction_page(const std::vector<ReproducedRun>& runs, const fs::
     if (run.rows.empty()) continue;
     text +=
         "<table><tr><th>where<th>what<th>thesis<th>ours<th>emulated "
-        "laboratory<th>tolerance<th>verdict<th>why</tr>\n";
+        "laboratory<th>measure<th>verdict<th>why</tr>\n";
     const std::vector<Compared> cells = compared(run.rows);
     for (std::size_t i = 0; i < run.rows.size(); ++i) {
       const ReproducedRow& row = run.rows[i];
-      text +=
-          fmt::format("<tr class=\"{}\"><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>\n",
-                      is_missed(row.verdict)     ? "missed"
-                      : row.verdict == "printed" ? ""
-                                                 : "well",
-                      cell_text(row.where, true), cell_text(row.what, true), cells[i].thesis,
-                      cells[i].ours, cells[i].laboratory, cell_text(cells[i].tolerance, true),
-                      row.verdict, cell_text(row.why, true));
+      text += fmt::format(
+          "<tr class=\"{}\"><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>\n",
+          row_class(row), cell_text(row.where, true), cell_text(row.what, true), cells[i].thesis,
+          cells[i].ours, cells[i].laboratory, cell_text(cells[i].tolerance, true),
+          verdict_text(row), cell_text(row.why, true));
     }
     text += "</table>\n";
   }

@@ -41,14 +41,15 @@ struct ReproducedRow {
   std::string what;
   std::string where;  // table or figure of the thesis
   std::string unit;
-  std::string tolerance;
-  std::string verdict;
+  std::string tolerance;  // what it is judged by
+  std::string verdict;    // host/record/thesis_verdict.h
   std::string why;
   std::string protocol;
   std::string run;
   std::optional<double> thesis;
   double ours = 0;
   std::optional<double> laboratory{};  // the same, run behind real links
+  std::optional<double> deviation{};   // from the thesis, in the spread that it prints
   std::vector<double> values{};  // of which `ours` is the median, where the protocol states them
 };
 
@@ -83,8 +84,8 @@ std::vector<ReproducedRun> reproduce(ScriptEngine& engine, const ReproduceReques
 constexpr const char* kReproductionKind = "reproduction";
 nlohmann::json run_reproduction_point(ScriptEngine& engine, const nlohmann::json& what);
 
-/// Whether a verdict is one of those that ask for a reason.
-bool is_missed(const std::string& verdict);
+/// A goal that was missed, a number that differs from the thesis without a cause, or no verdict.
+bool is_missed(const ReproducedRow& row);
 /// For people, to four digits in the display unit: "137 µm"; "none" for what is no number.
 std::string quantity_text(double value, const std::string& unit);
 nlohmann::json to_json(const ReproducedRow& row);

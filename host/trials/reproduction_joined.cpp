@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/trials/reproduction_joined.h"
 
+#include "host/record/thesis_verdict.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,14 +26,6 @@ const ReproducedRow* row_named(const std::vector<ReproducedRun>& runs, const std
     for (const ReproducedRow& row : run.rows)
       if (row.id == id) return &row;
   return nullptr;
-}
-
-// The same words as scripts/analysis/expectations.lua uses for a bar from above, so that
-// is_missed() judges both alike.
-std::string verdict_of(const JoinedRow& wanted, double ours) {
-  if (!std::isfinite(ours)) return "no answer";
-  if (!wanted.at_most) return "printed";
-  return ours <= *wanted.at_most ? "better" : "worse";
 }
 
 std::string tolerance_of(const JoinedRow& wanted) {
@@ -67,7 +61,7 @@ ReproducedRow joined(const JoinedRow& wanted, const std::vector<ReproducedRun>& 
   made.unit = wanted.unit;
   made.ours = missing.empty() ? median_of(std::move(values)) : std::nan("");
   made.tolerance = tolerance_of(wanted);
-  made.verdict = verdict_of(wanted, made.ours);
+  made.verdict = to_string(judge({.ours = made.ours, .at_most = wanted.at_most}).verdict);
   made.why = missing.empty() ? members : "missing: " + missing;
   return made;
 }

@@ -7,7 +7,14 @@ local places = require "places"
 local um, s = units.um, units.s
 local drift = {}
 
-local names = { none = "constant currents", one_camera = "one camera", two_cameras = "two cameras" }
+--- What the field follows, as the report says it.
+drift.names = {
+  none = "constant currents",
+  one_camera = "one camera",
+  two_cameras = "two cameras",
+  pose_sensor = "pose sensor",
+}
+local names = drift.names
 
 --- A unit vector, all directions alike.
 function drift.any_direction()
@@ -52,13 +59,33 @@ end
 
 local function in_um(value, digits) return ("%." .. (digits or 0) .. "f"):format(value / um) end
 
+-- What table 6.1 has at a place with this feedback, in m/s: {mean, sd}; nil for a feedback that it has not.
+local function printed_at(kind, place)
+  local cell = places.table_6_1[place.name][kind]
+  return cell and { mean = cell[1] * um, sd = cell[2] * um }
+end
+
+-- "within 1 sd", "within 2 sd" or "differs": of the printed spread.
+local function nearness(ours, printed)
+  local deviation = math.abs(ours - printed.mean) / printed.sd
+  return (deviation <= 1 and "within 1 sd" or deviation <= 2 and "within 2 sd" or "differs") .. (", %.1f"):format(deviation)
+end
+
+-- Each cell: the machines' median, and where a tenth and nine tenths of them lie.
 local function rows_of(found, asked)
   local rows = {}
-  for i, place in ipairs(places.six) do
-    local row, thesis = { place.name }, places.table_6_1[place.name]
+  for i, place in ipairs(found.six) do
+    local row = { place.name }
     for _, kind in ipairs(asked) do
-      row[#row + 1] = in_um(statistics.median(found[kind][place.name]))
-      row[#row + 1] = tostring(thesis[kind])
+      local speeds, printed = found[kind][place.name], printed_at(kind, place)
+      local middle = statistics.median(speeds)
+      row[#row + 1] = ("%s (%s to %s)"):format(
+        in_um(middle),
+        in_um(statistics.percentile(speeds, 0.1)),
+        in_um(statistics.percentile(speeds, 0.9))
+      )
+      row[#row + 1] = printed and ("%s ± %s"):format(in_um(printed.mean), in_um(printed.sd)) or "–"
+      row[#row + 1] = printed and nearness(middle, printed) or "–"
     end
     row[#row + 1] = in_um(statistics.median(found.cancel[place.name]), 1)
     row[#row + 1] = in_um(statistics.median(found.hold[place.name]), 1)
@@ -70,18 +97,31 @@ end
 local function header_of(asked)
   local header = { "place" }
   for _, kind in ipairs(asked) do
-    header[#header + 1] = names[kind]
-    header[#header + 1] = "thesis"
+    table.move({ names[kind] .. " (10 to 90 %)", "thesis", "deviation" }, 1, 3, #header + 1, header)
   end
-  header[#header + 1] = "disturbance canceled"
-  header[#header + 1] = "place held"
+  table.move({ "disturbance canceled", "place held" }, 1, 2, #header + 1, header)
   return header
+end
+
+-- The mean over the edge's three places over that of the middle's, and the thesis' with what its spreads make of it.
+local function edge_over_middle(found, kind)
+  local ours, printed, variance = { 0, 0 }, { 0, 0 }, { 0, 0 }
+  for _, place in ipairs(found.six) do
+    local at, cell = place.edge and 1 or 2, printed_at(kind, place)
+    ours[at] = ours[at] + statistics.median(found[kind][place.name])
+    if cell then
+      printed[at], variance[at] = printed[at] + cell.mean, variance[at] + cell.sd ^ 2
+    end
+  end
+  local ratio = printed[1] / printed[2] -- its variance, first order, of independent cells
+  local spread = ratio * (variance[1] / printed[1] ^ 2 + variance[2] / printed[2] ^ 2) ^ 0.5
+  return { ours = ours[1] / ours[2], thesis = ratio, spread = spread }
 end
 
 -- The largest over the places (`only`: those for which it holds) of the machines' median.
 local function largest(found, kind, only)
   local most = 0
-  for _, place in ipairs(places.six) do
+  for _, place in ipairs(found.six) do
     if not only or only(place) then most = math.max(most, statistics.median(found[kind][place.name])) end
   end
   return most
@@ -89,7 +129,7 @@ end
 
 local function smallest(found, kind)
   local least = math.huge
-  for _, place in ipairs(places.six) do
+  for _, place in ipairs(found.six) do
     least = math.min(least, statistics.median(found[kind][place.name]))
   end
   return least
@@ -98,7 +138,7 @@ end
 -- The largest ratio, at the edge, of a drift with feedback to that without; and how far one camera is from two.
 local function between_kinds(found)
   local ratio, apart = 0, 0
-  for _, place in ipairs(places.six) do
+  for _, place in ipairs(found.six) do
     local function of(kind) return statistics.median(found[kind][place.name]) end
     if place.edge then ratio = math.max(ratio, math.max(of "one_camera", of "two_cameras") / of "none") end
     apart = math.max(apart, math.abs(of "one_camera" - of "two_cameras"))
@@ -110,6 +150,9 @@ local function state_results(run, found, asked)
   for _, kind in ipairs(asked) do
     run:result("drift_" .. kind .. "_min", smallest(found, kind), "um/s")
     run:result("drift_" .. kind .. "_max", largest(found, kind), "um/s")
+  end
+  for _, kind in ipairs(asked) do
+    run:result("edge_over_middle_" .. kind, edge_over_middle(found, kind).ours, "")
   end
   if #asked == 3 then
     local ratio, apart = between_kinds(found)
@@ -127,26 +170,45 @@ local function state_results(run, found, asked)
   run:result("drift_hold_worst_machine", worst, "um/s")
 end
 
--- Each place beside table 6.1, printed, and this project's goals over them.
+-- Why a cell may differ: one machine was measured for the thesis, and where is not told.
+local function cause(found, kind, place)
+  local speeds = found[kind][place.name]
+  return ("machines lie from %s to %s µm/s (10 to 90 %%), the thesis' spread is of five runs of one; %s"):format(
+    in_um(statistics.percentile(speeds, 0.1)),
+    in_um(statistics.percentile(speeds, 0.9)),
+    place.edge and ("it gives no coordinates: %.1f mm aside here"):format(place.position[1] / units.mm)
+      or "what its trim left at the center is not told"
+  )
+end
+
+-- Each cell of table 6.1 by its printed spread, the shape of the table, and this project's goals.
 local function expected(run, found, asked)
   local book = expect.book(run, "table 6.1")
-  local all = {
-    none = { 100 * um / s, 800 * um / s },
-    one_camera = { 30 * um / s, 250 * um / s },
-    two_cameras = { 30 * um / s, 250 * um / s },
-  }
   for _, kind in ipairs(asked) do
-    for _, place in ipairs(places.six) do
+    for _, place in ipairs(found.six) do
+      local printed = printed_at(kind, place)
+      if printed then
+        book:number {
+          id = ("6.1.%s.%s"):format(kind, place.name),
+          what = ("%s, %s"):format(place.name, names[kind]),
+          thesis = printed.mean,
+          spread = printed.sd,
+          ours = statistics.median(found[kind][place.name]),
+          unit = "m/s",
+          why = cause(found, kind, place),
+        }
+      end
+    end
+    if places.table_6_1["middle-middle"][kind] then
+      local shape = edge_over_middle(found, kind)
       book:number {
-        id = ("6.1.%s.%s"):format(kind, place.name),
-        what = ("%s, %s"):format(place.name, names[kind]),
-        thesis = places.table_6_1[place.name][kind] * um,
-        ours = statistics.median(found[kind][place.name]),
-        unit = "m/s",
-        between = all[kind],
-        reason = "this project's goal; the thesis' own spread is not printed",
-        why = place.edge and "the thesis gives no coordinates: 3.5 mm aside is as far as a robot placed by hand stays in sight"
-          or nil,
+        id = ("6.1.edge_over_middle.%s"):format(kind),
+        what = ("edge over middle, %s"):format(names[kind]),
+        thesis = shape.thesis,
+        spread = shape.spread,
+        ours = shape.ours,
+        why = "what the trim leaves is everywhere alike, what the field's model is off by grows with the distance: docs/figures.md "
+          .. "has both apart",
       }
     end
   end
@@ -190,16 +252,27 @@ local function expected(run, found, asked)
 end
 
 local function plot(run, found, asked)
-  local series, marks = {}, {}
+  local series = {}
   for _, kind in ipairs(asked) do
-    local x, y, printed = {}, {}, {}
-    for i, place in ipairs(places.six) do
-      x[i], y[i], printed[i] = i, statistics.median(found[kind][place.name]), places.table_6_1[place.name][kind] * um
+    local x, y, printed, low, high = {}, {}, {}, {}, {}
+    for i, place in ipairs(found.six) do
+      local cell = printed_at(kind, place)
+      x[i], y[i] = i, statistics.median(found[kind][place.name])
+      if cell then
+        printed[i], low[i], high[i] = cell.mean, cell.mean - cell.sd, cell.mean + cell.sd
+      end
     end
     series[#series + 1] = { label = names[kind], x = x, y = y }
-    marks[#marks + 1] = { label = "thesis, " .. names[kind], x = x, y = printed, mark = "dashed" }
+    if #printed == #x then
+      local bounds = { x = {}, y = {} } -- from one bound to the other, over each place
+      for i = 1, #x do
+        table.move({ x[i], x[i], 0 / 0 }, 1, 3, #bounds.x + 1, bounds.x)
+        table.move({ low[i], high[i], 0 / 0 }, 1, 3, #bounds.y + 1, bounds.y)
+      end
+      series[#series + 1] = { label = "thesis, " .. names[kind], x = x, y = printed, mark = "points" }
+      series[#series + 1] = { label = "its spread", x = bounds.x, y = bounds.y }
+    end
   end
-  table.move(marks, 1, #marks, #series + 1, series)
   run:plot {
     title = "Drift at the six places, in the table's order",
     x = { "place", "" },
@@ -211,7 +284,7 @@ end
 --- Table, plot and results: medians over the machines of the mean over the repetitions.
 function drift.report(run, found, asked, counts)
   run:table {
-    title = ("Drift in µm/s: medians over %d machine(s), %d run(s) each, beside thesis table 6.1"):format(
+    title = ("Drift in µm/s: medians over %d machine(s), %d run(s) each, beside thesis table 6.1 (sd: the printed spread)"):format(
       counts.machines,
       counts.repetitions
     ),

@@ -1,7 +1,7 @@
 -- Numbers that the thesis prints, in SI, by table and figure, and nothing else. Protocols compare theirs with them.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
-local mm, um, deg, ms = units.mm, units.um, units.deg, units.ms
+local mm, um, deg, ms, s = units.mm, units.um, units.deg, units.ms, units.s
 local published = {}
 
 -- 3.1: full fields of view; 3.1.2: the working distance that the vitrectomy lens asks for.
@@ -78,6 +78,12 @@ published.table_5_4 = {
   { name = "NdFeB sphere", x = { 80 * um, 54 * um, 280 * um }, z = { 171 * um, 119 * um, 530 * um } },
 }
 published.spiral = { height = 6 * mm, width = 7 * mm }
+
+-- 6.1, of Kummer 2010: the worst drift over orientations.
+published.kummer_2010 = {
+  ["CoNi 2 mm"] = { center_none = 150 * um / s, boundary_none = 720 * um / s, boundary_pose_sensor = 550 * um / s },
+  ["Ni 0.5 mm"] = { center_none = 50 * um / s, boundary_none = 140 * um / s, boundary_pose_sensor = 60 * um / s },
+}
 
 -- Figure 6.5 and 5.5: frames a second, effective pixels. The 2.07 and 2.04 um of section 5.5 are taken ten times larger
 -- (facts: the field would be 1.4 mm).

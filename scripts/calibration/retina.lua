@@ -87,4 +87,21 @@ function retina.calibrate(rig, run, servo, options)
   return told
 end
 
+--- A view for rig:servo, calibrated in a loop of its own (field, axis as rig:servo takes them; by_width as retina.calibrate
+--- does), with a picture called `snapshot` if it is given. The robot is taken out again.
+function retina.view(rig, run, background, options)
+  local servo <close> = rig:servo {
+    background = background,
+    field = options.field,
+    axis = options.axis,
+    lost_timeout = 5 * s,
+  }
+  bring.insert(rig, servo, vector(0, 0, 0))
+  bring.trim(servo, vector(0, 0, 0), { rounds = 1, within = 1 * mm })
+  local told = retina.calibrate(rig, run, servo, { axis = options.axis, by_width = options.by_width })
+  if options.snapshot then servo:snapshot(options.snapshot) end
+  rig.sample:remove_robot()
+  return told.localizer
+end
+
 return retina

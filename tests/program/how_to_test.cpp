@@ -59,7 +59,7 @@ TEST(HowTo, WriteAProtocolWorksAsItStands) {
   place.write("wobble.lua", protocol);
   const Spoken judged = place.vitreo("run wobble.lua hold=1s");
   EXPECT_EQ(judged.exit_code, 0) << judged.out << judged.err;
-  EXPECT_NE(judged.out.find("expectations_met"), std::string::npos) << judged.out;
+  EXPECT_NE(judged.out.find("verdict_better"), std::string::npos) << judged.out;
   // "before `parameters`", "at the head of the file"
   protocol =
       "local testing = require \"testing\"\n" + with(protocol, "  parameters = {", blocks[3].text);

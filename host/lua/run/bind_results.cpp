@@ -198,6 +198,7 @@ std::vector<Binding> run_result_rows() {
        "run:plot { title = \"drift\", x = { \"time\", \"s\" }, y = { \"x\", \"um\" }, series = { { "
        "label = \"x\", x = { 0, 1 }, y = { 0, 1e-6 } } } }"},
       picture_row(),
+      judge_row(),
       {"table",
        {{.name = "options",
          .type = Type::options,

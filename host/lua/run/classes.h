@@ -22,6 +22,8 @@ std::vector<Binding> run_alarm_rows();
 std::vector<Binding> run_operator_rows();
 std::vector<Binding> run_record_rows();
 std::vector<Binding> run_result_rows();
+/// The row run:judge.
+Binding judge_row();
 /// The row run:install_calibration.
 Binding install_calibration_row();
 /// The row of the global function format_quantity.

@@ -51,13 +51,13 @@ TEST(ReproductionJoined, AJoinedRowIsTheMedianOfAllTheValuesAndNoRun) {
   const ReproducedRow& row = together.rows[0];
   EXPECT_EQ(row.id, "both");
   EXPECT_DOUBLE_EQ(row.ours, 150e-6);  // of 10, 100, 200, 300; not the mean of the medians, 105
-  EXPECT_EQ(row.verdict, "better");
+  EXPECT_EQ(row.verdict, "goal met") << "it is of no number of the thesis";
   EXPECT_NE(row.what.find("4 values"), std::string::npos);
   EXPECT_NE(row.why.find("one: 200 µm"), std::string::npos) << row.why;
   runs.push_back(together);
   EXPECT_NE(reproduction_markdown(runs).find("0 of 2 runs did not complete"), std::string::npos);
   runs[1].rows[0].ours = 2e-3;
-  EXPECT_EQ(join_rows(wanted, runs, true).rows[0].verdict, "worse");
+  EXPECT_EQ(join_rows(wanted, runs, true).rows[0].verdict, "goal missed");
 }
 
 TEST(ReproductionJoined, WhatIsMissingIsNamedAndIsNoAnswerUnlessOnlyAPartWasRun) {
@@ -67,7 +67,7 @@ TEST(ReproductionJoined, WhatIsMissingIsNamedAndIsNoAnswerUnlessOnlyAPartWasRun)
   const ReproducedRun together = join_rows(wanted, runs, true);
   ASSERT_EQ(together.rows.size(), 1U);
   EXPECT_TRUE(std::isnan(together.rows[0].ours));
-  EXPECT_TRUE(is_missed(together.rows[0].verdict));
+  EXPECT_TRUE(is_missed(together.rows[0]));
   EXPECT_EQ(together.rows[0].why, "missing: two");
 }
 
@@ -92,6 +92,30 @@ TEST(ReproductionJoined, AMalformedEntryIsRefusedByName) {
             std::string::npos);
   EXPECT_NE(said([](ConfigTable& t) { t["atmost"] = {1.0}; }).find("did you mean at_most"),
             std::string::npos);
+}
+
+TEST(Reproduction, VerdictsAreCountedApartAndWhatDiffersNeedsACause) {
+  ReproducedRun run = run_with("cell", 33e-6, {});
+  run.rows[0].verdict = "differs";
+  run.rows[0].deviation = 4.12;
+  EXPECT_TRUE(is_missed(run.rows[0]));
+  ReproducedRow known = run.rows[0];
+  known.why = "the thesis gives no coordinates";
+  EXPECT_FALSE(is_missed(known));
+  ReproducedRow goal = known;
+  goal.verdict = "goal missed", goal.deviation.reset();
+  EXPECT_TRUE(is_missed(goal)) << "a cause does not meet a goal";
+  ReproducedRow old = known;
+  old.verdict = "agrees";
+  EXPECT_TRUE(is_missed(old)) << "a word that is none of the six";
+  run.rows.insert(run.rows.end(), {known, goal});
+  const std::string page = reproduction_markdown({run});
+  for (const char* part :
+       {"1 goal missed, 2 differ; of what differs 1 is without a cause",
+        "| **differs, 4.1 spreads** |", "| differs, 4.1 spreads |", "| **goal missed** |"})
+    EXPECT_NE(page.find(part), std::string::npos) << part << page;
+  const std::string html = reproduction_page({run}, "/");
+  EXPECT_NE(html.find("<tr class=\"differs\">"), std::string::npos) << html;
 }
 
 TEST(Reproduction, ThesisAndOursAreInOneUnit) {
