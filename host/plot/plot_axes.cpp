@@ -76,6 +76,31 @@ Ticks make_ticks(const Range& range, double step) {
   return ticks;
 }
 
+// 10^4 and more, and 10^-3 and less, as powers.
+Ticks make_decades(const Range& range, double wanted) {
+  constexpr double kSlack = 1e-9;
+  const std::string raised[] = {"\u2070", "\u00b9", "\u00b2", "\u00b3", "\u2074",
+                                "\u2075", "\u2076", "\u2077", "\u2078", "\u2079"};
+  Ticks ticks;
+  const bool few = range.span() * 3 <= wanted;
+  const int every = std::max(1, static_cast<int>(std::ceil(range.span() / std::max(wanted, 1.0))));
+  const int from = static_cast<int>(std::floor(range.low));
+  for (int decade = from; decade <= range.high + kSlack; ++decade)
+    for (const int factor : {1, 2, 5}) {
+      if (factor > 1 && !few) continue;
+      const double at = decade + std::log10(factor);
+      if (at < range.low - kSlack || at > range.high + kSlack || (decade - from) % every) continue;
+      std::string label = fmt::format("{:g}", factor * std::pow(10.0, decade));
+      if (factor == 1 && (decade > 3 || decade < -2)) {
+        label = decade < 0 ? "10\u207b" : "10";
+        for (const char digit : std::to_string(std::abs(decade))) label += raised[digit - '0'];
+      }
+      ticks.at.push_back(at);
+      ticks.labels.push_back(std::move(label));
+    }
+  return ticks;
+}
+
 // Superscript characters of Unicode: SVG's own way, baseline-shift, is not drawn by every renderer.
 std::string axis_title(const std::string& label, const std::string& unit, int exponent) {
   std::string inside;

@@ -32,6 +32,42 @@ double factor_of(const Axis& axis) {
   return unit->factor;
 }
 
+/// The decades of a logarithmic axis: as positions along it, what is not positive being no position.
+void take_logarithms(const Plot& plot, std::vector<Stroke>& strokes) {
+  if (!plot.x.logarithmic && !plot.y.logarithmic) return;
+  std::vector<Stroke> taken;
+  for (const Stroke& stroke : strokes) {
+    taken.emplace_back();
+    for (PlotPoint point : stroke) {
+      if (plot.x.logarithmic) point.x = point.x > 0 ? std::log10(point.x) : std::nan("");
+      if (plot.y.logarithmic) point.y = point.y > 0 ? std::log10(point.y) : std::nan("");
+      if (drawable(point.x) && drawable(point.y))
+        taken.back().push_back(point);
+      else if (!taken.back().empty())
+        taken.emplace_back();
+    }
+    if (taken.back().empty()) taken.pop_back();
+  }
+  strokes = std::move(taken);
+}
+
+/// Ends of bars, and what was expected, are part of the picture: a goal that the data do not reach,
+/// or leave far below, is shown all the same where it is within ten times the data's range.
+void include_extras(const Plot& plot, Range& y) {
+  if (y.empty()) return;
+  for (const Series& one : plot.series)
+    for (std::size_t i = 0; i < one.spread.size(); ++i)
+      for (const double end : {one.y[i] - one.spread[i], one.y[i] + one.spread[i]})
+        if (const double at = on_axis(plot.y, end); drawable(at)) y.include(at);
+  const Range data = y;
+  const double reach = 10 * std::max(data.span(), std::fabs(data.high));
+  for (const Expected& one : plot.expected)
+    for (const double end : {one.low, one.high})
+      if (const double at = on_axis(plot.y, end);
+          drawable(at) && at > data.low - reach && at < data.high + reach)
+        y.include(at);
+}
+
 double legend_width(const Plot& plot) {
   double width = 0;
   for (const Series& one : plot.series)
@@ -54,6 +90,7 @@ void choose_ranges(Drawing& drawing) {
     }
   }
   drawing.empty = x.empty();
+  include_extras(drawing.plot, y);
   if (drawing.plot.equal_aspect) {
     drawing.x = padded(x, 0.06, false);
     drawing.y = padded(y, 0.06, false);
@@ -63,7 +100,7 @@ void choose_ranges(Drawing& drawing) {
   const bool cloud = std::any_of(series.begin(), series.end(),
                                  [](const Series& s) { return s.mark == Mark::points; });
   drawing.x = cloud ? padded(x, 0.03, false) : widened(x);
-  drawing.y = padded(y, 0.05, true);
+  drawing.y = padded(y, 0.05, !drawing.plot.y.logarithmic);
 }
 
 /// Gives the box the shape of the data; a sliver is widened by showing more of the surroundings.
@@ -87,7 +124,9 @@ void make_equal(Drawing& drawing) {
 
 /// Whether x counts (no unit, whole numbers only): then no tick stands half-way between two.
 bool counts_along_x(const Drawing& drawing) {
-  if (!drawing.plot.x.unit.empty() || drawing.plot.equal_aspect || drawing.empty) return false;
+  if (!drawing.plot.x.unit.empty() || drawing.plot.equal_aspect || drawing.plot.x.logarithmic ||
+      drawing.empty)
+    return false;
   for (const auto& strokes : drawing.strokes)
     for (const Stroke& stroke : strokes)
       for (const PlotPoint& point : stroke)
@@ -106,9 +145,12 @@ void choose_ticks(Drawing& drawing) {
     x_step = std::min(x_step, nice_step(drawing.x.span(), 3));
   }
   if (counts_along_x(drawing)) x_step = std::max(x_step, 1.0);
-  if (!drawing.plot.equal_aspect) drawing.x = snapped(drawing.x, x_step);
-  drawing.x_ticks = make_ticks(drawing.x, x_step);
-  drawing.y_ticks = make_ticks(drawing.y, y_step);
+  const bool log_x = drawing.plot.x.logarithmic, log_y = drawing.plot.y.logarithmic;
+  if (!drawing.plot.equal_aspect && !log_x) drawing.x = snapped(drawing.x, x_step);
+  drawing.x_ticks = log_x ? make_decades(drawing.x, drawing.box.width / 60)
+                          : make_ticks(drawing.x, x_step);
+  drawing.y_ticks = log_y ? make_decades(drawing.y, drawing.box.height / 32)
+                          : make_ticks(drawing.y, y_step);
 }
 
 /// Room for tick labels, the axis' title and the note.
@@ -170,8 +212,12 @@ Drawing lay_out_plot(const Plot& plot, int width, int height) {
   drawing.height = std::max(height, 140);
   const double x_factor = factor_of(plot.x);
   const double y_factor = factor_of(plot.y);
-  for (const Series& one : plot.series)
+  for (const Series& one : plot.series) {
     drawing.strokes.push_back(strokes_of(one, x_factor, y_factor));
+    take_logarithms(plot, drawing.strokes.back());
+    if (!one.spread.empty() && one.spread.size() != one.y.size())
+      throw std::invalid_argument("series \"" + one.label + "\": as many bars as points");
+  }
   drawing.pens = pens_for(plot.series);
   choose_ranges(drawing);
   // The margin depends on the tick labels and they on the box: the second pass settles it. A
@@ -191,6 +237,12 @@ Drawing lay_out_plot(const Plot& plot, int width, int height) {
   }
   drawing.legend_beside = plot.equal_aspect && !on_top;
   return drawing;
+}
+
+double on_axis(const Axis& axis, double value) {
+  const double shown = value / factor_of(axis);
+  if (!axis.logarithmic) return shown;
+  return shown > 0 ? std::log10(shown) : std::nan("");
 }
 
 // Laid out in full: with equal axes the height follows from the data's shape.

@@ -41,6 +41,7 @@ struct Drawing {
   bool legend_beside = false;
   bool empty = true;
 
+  /// px of a value of the axes' units, or of its logarithm where the axis is logarithmic.
   double px(double value) const { return box.left + (value - x.low) / x.span() * box.width; }
   double py(double value) const { return box.bottom() - (value - y.low) / y.span() * box.height; }
 };
@@ -48,6 +49,9 @@ struct Drawing {
 /// Throws std::invalid_argument for an unknown unit or series of unequal length. The drawing
 /// borrows the plot.
 Drawing lay_out_plot(const Plot& plot, int width, int height);
+/// A value in SI on the axis: divided by its unit, its base-10 logarithm where that is shown; a NaN
+/// where there is none.
+double on_axis(const Axis& axis, double value);
 /// How much of `height` the plot makes use of: less where a view with equal axes is broad.
 int needed_height(const Plot& plot, int width, int height);
 

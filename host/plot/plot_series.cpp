@@ -32,13 +32,17 @@ std::string dot(const PlotPoint& point, double radius) {
   return fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"/>", point.x, point.y, radius);
 }
 
-// A little transparent: where points lie on each other they grow darker.
+// Hollow: a line below them, and points of another series, stay in sight. A crowd is drawn thinned
+// and smaller.
 std::string cloud_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
+  constexpr std::size_t kCrowd = 150;
   Stroke all;
   for (const Stroke& stroke : pixels) all.insert(all.end(), stroke.begin(), stroke.end());
-  const double radius = all.size() > 300 ? 1.6 : 2.8;
-  std::string svg = fmt::format("<g fill=\"{}\" fill-opacity=\"0.75\">", pen.color);
-  for (const PlotPoint& point : thinned_cloud(all)) svg += dot(point, radius);
+  const bool crowd = all.size() > kCrowd;
+  const double radius = crowd ? 2 : 3.2;
+  std::string svg = fmt::format("<g fill=\"none\" stroke=\"{}\" stroke-width=\"{}\">", pen.color,
+                                crowd ? 1 : 1.4);
+  for (const PlotPoint& point : thinned_cloud(all, crowd ? 5 : 0.5)) svg += dot(point, radius);
   return svg + "</g>";
 }
 
@@ -89,12 +93,12 @@ Stroke thinned(const Stroke& pixels) {
   return result;
 }
 
-// One point in each cell of half a pixel.
-Stroke thinned_cloud(const Stroke& pixels) {
+// The first point in each cell.
+Stroke thinned_cloud(const Stroke& pixels, double cell) {
   std::set<std::pair<double, double>> taken;
   Stroke result;
   for (const PlotPoint& point : pixels) {
-    if (taken.emplace(std::floor(point.x * 2), std::floor(point.y * 2)).second)
+    if (taken.emplace(std::floor(point.x / cell), std::floor(point.y / cell)).second)
       result.push_back(point);
   }
   return result;
@@ -143,6 +147,17 @@ std::string series_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
   }
   if (!lonely.empty()) svg += fmt::format("<g fill=\"{}\">{}</g>", pen.color, lonely);
   return svg;
+}
+
+std::string bars_svg(const std::vector<Bar>& bars, const Pen& pen) {
+  constexpr double kCap = 3.5;  // px to either side
+  std::string data;
+  for (const Bar& bar : bars)
+    data += fmt::format("M{0:.1f} {1:.1f}H{2:.1f}M{3:.1f} {1:.1f}V{4:.1f}M{0:.1f} {4:.1f}H{2:.1f}",
+                        bar.x - kCap, bar.high, bar.x + kCap, bar.x, bar.low);
+  if (data.empty()) return "";
+  return fmt::format("<path fill=\"none\" stroke=\"{}\" stroke-width=\"1.2\" d=\"{}\"/>", pen.color,
+                     data);
 }
 
 // Thicker than in the plot: a color is hard to tell on a thin line.

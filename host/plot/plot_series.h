@@ -24,8 +24,9 @@ std::vector<Stroke> strokes_of(const Series& series, double x_factor, double y_f
 /// order): no extreme is lost.
 Stroke thinned(const Stroke& pixels);
 
-/// Points of which no two fall in the same half pixel: for clouds.
-Stroke thinned_cloud(const Stroke& pixels);
+/// Points of which no two fall in the same cell of `cell` px: for clouds. The data are whole in the
+/// report's table; only the drawing is thinned.
+Stroke thinned_cloud(const Stroke& pixels, double cell = 0.5);
 
 /// How one series is drawn.
 struct Pen {
@@ -38,6 +39,14 @@ struct Pen {
 /// Colors that color-blind readers can distinguish (Okabe and Ito), in the order of the series; the
 /// first dashed one is dark gray, as references are.
 std::vector<Pen> pens_for(const std::vector<Series>& series);
+
+/// A bar in px: from `low` to `high` at x, with a cap at either end.
+struct Bar {
+  double x;
+  double low;
+  double high;
+};
+std::string bars_svg(const std::vector<Bar>& bars, const Pen& pen);
 
 /// One series as SVG elements; coordinates in px.
 std::string series_svg(const std::vector<Stroke>& pixels, const Pen& pen);

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace vitreo {
@@ -26,7 +27,8 @@ std::string grid_svg(const Drawing& drawing) {
   }
   for (double tick : drawing.y_ticks.at) {
     const double y = crisp(drawing.py(tick));
-    const bool zero = tick == 0 && drawing.y.low < 0 && !drawing.plot.equal_aspect;
+    const bool zero = tick == 0 && drawing.y.low < 0 && !drawing.plot.equal_aspect &&
+                      !drawing.plot.y.logarithmic;
     svg += line_svg(box.left, y, box.right(), y, zero ? kZero : kGrid);
   }
   return svg;
@@ -79,11 +81,29 @@ std::string legend_svg(const Drawing& drawing) {
     if (plot.series[i].label.empty()) continue;
     const PlotPoint place = drawing.legend_beside ? PlotPoint{0, kLegendLine * row++} : places[i];
     const double room = drawing.width - x0 - place.x - kSwatch - 8;
-    svg += swatch_svg(x0 + place.x, y0 + place.y - 4, kSwatch, drawing.pens[i]);
-    svg += text_svg(x0 + place.x + kSwatch + 6, y0 + place.y,
-                    fitted(plot.series[i].label, 11.5, room), {});
+    // The report's script switches a series by its name.
+    svg += fmt::format("<g data-key=\"{}\">", i) +
+           swatch_svg(x0 + place.x, y0 + place.y - 4, kSwatch, drawing.pens[i]) +
+           text_svg(x0 + place.x + kSwatch + 6, y0 + place.y,
+                    fitted(plot.series[i].label, 11.5, room), {}) +
+           "</g>";
   }
   return svg;
+}
+
+/// The bars of a series in px, within the box.
+std::vector<Bar> bars_of(const Drawing& drawing, const Series& series) {
+  std::vector<Bar> bars;
+  for (std::size_t i = 0; i < series.spread.size(); ++i) {
+    const double x = drawing.px(on_axis(drawing.plot.x, series.x[i]));
+    double low = drawing.py(on_axis(drawing.plot.y, series.y[i] - series.spread[i]));
+    const double high = drawing.py(on_axis(drawing.plot.y, series.y[i] + series.spread[i]));
+    // On a logarithmic axis a bar that reaches zero goes down to the foot.
+    if (!drawable(low) && drawing.plot.y.logarithmic) low = drawing.box.bottom();
+    if (drawable(x) && drawable(low) && drawable(high))
+      bars.push_back({x, std::min(low, drawing.box.bottom()), std::max(high, drawing.box.top)});
+  }
+  return bars;
 }
 
 std::string data_svg(const Drawing& drawing) {
@@ -92,18 +112,74 @@ std::string data_svg(const Drawing& drawing) {
                     drawing.box.top + drawing.box.height / 2 + 5, "no data",
                     {14, "middle", kSoftInk, ""});
   }
-  // references lie on top: thin and broken, they hide nothing
-  std::string svg;
-  std::string dashed;
+  // Points below lines, and references on top: thin and broken, they hide nothing.
+  std::string points, lines, dashed;
   for (std::size_t i = 0; i < drawing.strokes.size(); ++i) {
     // A copy: thinning works in pixels, and the layout keeps the axes' units.
     std::vector<Stroke> pixels = drawing.strokes[i];
     for (Stroke& stroke : pixels) {
       for (PlotPoint& point : stroke) point = {drawing.px(point.x), drawing.py(point.y)};
     }
-    (drawing.pens[i].mark == Mark::dashed ? dashed : svg) += series_svg(pixels, drawing.pens[i]);
+    const Pen& pen = drawing.pens[i];
+    (pen.mark == Mark::points ? points : pen.mark == Mark::dashed ? dashed : lines) +=
+        fmt::format("<g data-series=\"{}\">{}{}</g>", i,
+                    bars_svg(bars_of(drawing, drawing.plot.series[i]), pen),
+                    series_svg(pixels, pen));
   }
-  return svg + dashed;
+  return points + lines + dashed;
+}
+
+/// A band within the box, its edges dashed; its words at the right, above the upper edge where there
+/// is room.
+std::string expected_svg(const Drawing& drawing) {
+  constexpr const char* kBand = "#E9DFCB";
+  constexpr const char* kEdge = "#8F5A00";
+  const Box& box = drawing.box;
+  const auto inside = [&](double value, double otherwise) {
+    const double at = on_axis(drawing.plot.y, value);
+    return drawable(at) ? std::clamp(drawing.py(at), box.top, box.bottom()) : otherwise;
+  };
+  std::string svg;
+  for (const Expected& one : drawing.plot.expected) {
+    const double top = inside(one.high, box.top), foot = inside(one.low, box.bottom());
+    if (foot - top > 0.5)
+      svg += fmt::format(
+          "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"{}\" "
+          "fill-opacity=\"0.6\"/>",
+          box.left, top, box.width, foot - top, kBand);
+    for (const double edge : {top, foot})
+      if (edge > box.top && edge < box.bottom())
+        svg += fmt::format(
+            "<path d=\"M{:.1f} {:.1f}H{:.1f}\" stroke=\"{}\" stroke-width=\"1.2\" "
+            "stroke-dasharray=\"6 4\"/>",
+            box.left, edge, box.right(), kEdge);
+    const double base = top - 5 > box.top + 9 ? top - 5 : std::min(top + 14, box.bottom() - 4);
+    svg += text_svg(box.right() - 5, base, fitted(one.label, 11, box.width - 10),
+                    {11, "end", kEdge, " font-weight=\"600\""});
+  }
+  return svg;
+}
+
+/// Phases as dotted lines with their names at the top, words at points.
+std::string annotations_svg(const Drawing& drawing) {
+  const Box& box = drawing.box;
+  std::string svg;
+  for (const Annotation& one : drawing.plot.annotations) {
+    const double x = drawing.px(on_axis(drawing.plot.x, one.x));
+    if (!(x >= box.left - 0.5 && x <= box.right() + 0.5)) continue;
+    const bool late = x > box.left + 0.75 * box.width;
+    const TextStyle style{10.5, late ? "end" : "start", kSoftInk, ""};
+    const double at = x + (late ? -4 : 4), y = drawing.py(on_axis(drawing.plot.y, one.y));
+    if (drawable(y)) {
+      svg += text_svg(at, std::clamp(y - 6, box.top + 9, box.bottom() - 3), one.text, style);
+      continue;
+    }
+    svg += fmt::format(
+        "<path d=\"M{:.1f} {:.1f}V{:.1f}\" stroke=\"{}\" stroke-dasharray=\"1.5 3\"/>", x, box.top,
+        box.bottom(), kSoftInk);
+    svg += text_svg(at, box.top + 10, one.text, style);
+  }
+  return svg;
 }
 
 }  // namespace
@@ -116,7 +192,9 @@ std::string to_svg(const Plot& plot, int width, int height) {
                     fitted(plot.title, 13.5, drawing.width - drawing.box.left - 12),
                     {13.5, "start", kInk, " font-weight=\"600\""});
   }
-  if (!drawing.empty) svg += grid_svg(drawing) + axes_svg(drawing);
+  if (!drawing.empty) // What the report's script draws anew when it zooms.
+    svg += "<g data-fixed=\"\">" + expected_svg(drawing) + grid_svg(drawing) + axes_svg(drawing) +
+           annotations_svg(drawing) + "</g>";
   if (drawing.empty) {
     svg += fmt::format(
         "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"#F7F8F9\" stroke=\"{}\"/>",

@@ -1,9 +1,10 @@
-# Writes the files of FOLDER that the report is made of (page.html, style.css) as SOURCE, a C++ file with their bytes.
+# Writes the files of FOLDER that the report is made of (page.html, style.css, report.js) as SOURCE, a C++ file with their bytes.
 set(functions "")
-foreach(name IN ITEMS page style)
-  set(ending_page html)
-  set(ending_style css)
-  file(READ ${FOLDER}/${name}.${ending_${name}} hex HEX)
+foreach(name IN ITEMS page style script)
+  set(file_script report.js)
+  set(file_page page.html)
+  set(file_style style.css)
+  file(READ ${FOLDER}/${file_${name}} hex HEX)
   string(REGEX REPLACE "(..)" "0x\\1," bytes "${hex}")
   string(APPEND functions "
 std::string_view report_${name}() {

@@ -3,12 +3,10 @@
 
 #include "host/files/digest.h"
 #include "host/files/png_image.h"
-#include "host/plot/plot_layout.h"
-#include "host/plot/plot_svg.h"
 #include "host/record/parameter_text.h"
 #include "host/runs/report_files.h"
 #include "host/runs/report_page.h"
-#include "host/runs/results_text.h"
+#include "host/runs/report_parts.h"
 #include "host/text/columns.h"
 #include "host/text/markup.h"
 
@@ -25,39 +23,7 @@
 namespace vitreo {
 namespace {
 
-// CSS px of the drawings, which the page stretches by 1.2: on paper their letters are then still of
-// 6 pt.
-constexpr int kHalfWidth = 456;
-constexpr int kWholeWidth = 929;
-constexpr int kPlotHeight = 270;
-constexpr int kViewHeight = 400;
 constexpr std::size_t kEventsShown = 60;
-
-// Nine digits: what the rig file says comes back as it was typed, without the tail of binary
-// fractions.
-std::string text_of(const nlohmann::json& value) {
-  if (value.is_string()) return value.get<std::string>();
-  if (value.is_number()) return format_number(value.get<double>(), 9);
-  return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-}
-
-/// With a minus in place of the hyphen.
-std::string minus_sign(const std::string& number) {
-  return number.starts_with('-') ? "\u2212" + number.substr(1) : number;
-}
-
-/// A number and its unit do not part at the end of a line.
-/// A no-break space (U+00A0) between them.
-std::string printed(Shown shown) {
-  shown.number = minus_sign(shown.number);
-  return with_unit(shown, "\u00a0");
-}
-
-/// "path error rms" of "path_error_rms".
-std::string spaced(std::string name) {
-  std::replace(name.begin(), name.end(), '_', ' ');
-  return name;
-}
 
 // Empty bodies leave no heading behind.
 std::string section(const std::string& title, const std::string& body) {
@@ -66,112 +32,6 @@ std::string section(const std::string& title, const std::string& body) {
 
 std::string row_of(const std::string& name, const std::string& value) {
   return "<tr><th scope=\"row\">" + escape_markup(name) + "</th><td>" + value + "</td></tr>\n";
-}
-
-// A record without an end is "running" here: a lost run gets its report from recovery, after its
-// end record.
-std::string badge(const RunEnd* end) {
-  if (!end) return "<span class=\"badge running\">running</span>";
-  // By Outcome, distinguishable without color too.
-  constexpr const char* kSigns[] = {"\u2713", "\u2715", "\u25a0", "\u25a0", "?"};
-  const std::string name = to_string(end->outcome);
-  return "<span class=\"badge " + name + "\">" + kSigns[static_cast<std::size_t>(end->outcome)] +
-         " " + name + "</span>";
-}
-
-/// "2026-11-21 14:30" out of the folder's name, which holds the wall clock.
-/// From the name and not from the start record: RunData has no date.
-std::string when(const std::string& folder) {
-  if (folder.size() < 17 || folder[10] != 'T') return "";
-  return folder.substr(0, 10) + " " + folder.substr(11, 2) + ":" + folder.substr(13, 2);
-}
-
-/// Title, outcome, and the facts of the start record.
-/// What a reader asks first: did it succeed, why not, who and when, with what.
-std::string head_section(const RunData& data) {
-  const RunStart& start = data.start;
-  const RunEnd* end = data.end ? &*data.end : nullptr;
-  const std::string title =
-      start.protocol_title.empty() ? start.protocol_file : start.protocol_title;
-  std::string out = "<header><h1>" + escape_markup(title) + "</h1>" + badge(end);
-  if (end && !end->reason.empty())
-    out += "<p class=\"reason\">" + escape_markup(end->reason) + "</p>";
-  out += "</header>\n<div class=\"facts\">";
-  const auto fact = [&](const char* name, const std::string& value) {
-    if (!value.empty()) out += fmt::format("<span>{} <b>{}</b></span>", name, escape_markup(value));
-  };
-  const std::string folder = data.folder.filename().string();
-  fact("When", when(folder));
-  fact("Operator", start.operator_name);
-  fact("Protocol", start.protocol_file);
-  if (start.rig.is_object())
-    fact("Rig", start.rig.contains("file") ? text_of(start.rig["file"]) : "");
-  fact("Seed", std::to_string(start.seed));
-  if (end && end->experiment_time > 0)
-    fact("Experiment", printed(show_quantity(end->experiment_time, "s")));
-  if (end && end->wall_time > 0) fact("Took", printed(show_quantity(end->wall_time, "s")));
-  const auto labels = [&fact](const nlohmann::json& values) {
-    if (values.is_object())
-      for (const auto& [name, value] : values.items()) fact(name.c_str(), text_of(value));
-  };
-  labels(start.sample);
-  labels(start.tags);
-  if (end && end->cause.by != "protocol") fact("Ended by", cause_text(end->cause));
-  fact("At the end", coil_rest_text(data));
-  fact("Run", folder);
-  return out + "</div>\n";
-}
-
-/// The stated results, a tile each.
-/// A number longer than eight characters gets a smaller type, so that tiles keep their width.
-std::string result_tiles(const RunData& data) {
-  std::string out;
-  for (const ShownResult& result : shown_results(data.results)) {
-    const Shown shown{minus_sign(result.value.number), result.value.unit};
-    const std::string size = count_characters(shown.number) > 8 ? "value long" : "value";
-    out += "<div class=\"tile\"><div class=\"name\">" + escape_markup(spaced(result.name)) +
-           "</div><div class=\"" + size + "\">" + escape_markup(shown.number);
-    if (!shown.unit.empty())
-      out += " <span class=\"unit\">" + escape_markup(shown.unit) + "</span>";
-    out += "</div></div>\n";
-  }
-  return out.empty() ? "" : "<div class=\"tiles\">\n" + out + "</div>\n";
-}
-
-std::string one_plot(const Plot& plot, int width, int height) {
-  const char* wide = width == kWholeWidth ? " class=\"wide\"" : "";
-  return fmt::format("<figure{}>{}</figure>\n", wide, to_svg(plot, width, height));
-}
-
-/// As an image: what a script drew can neither run nor disturb the page.
-std::string one_drawing(const SvgDrawing& drawing) {
-  const std::vector<unsigned char> bytes(drawing.svg.begin(), drawing.svg.end());
-  return "<figure class=\"wide\"><img alt=\"" + escape_markup(drawing.title) +
-         "\" src=\"data:image/svg+xml;base64," + base64(bytes) + "\"></figure>\n";
-}
-
-/// A trajectory view is as tall as its shape asks for, within reason.
-int height_of(const Plot& plot) {
-  return plot.equal_aspect
-             ? std::clamp(needed_height(plot, kHalfWidth, kViewHeight), 260, kViewHeight)
-             : kPlotHeight;
-}
-
-/// Two of a kind stand side by side; a lonely plot against time takes the whole width, a lonely
-/// view half of it.
-std::string plot_grid(const RunData& data) {
-  const std::vector<Plot>& plots = data.plots;
-  std::string out;
-  for (const SvgDrawing& drawing : data.drawings) out += one_drawing(drawing);
-  for (std::size_t i = 0; i < plots.size();) {
-    const bool paired = i + 1 < plots.size() && plots[i].equal_aspect == plots[i + 1].equal_aspect;
-    const int height = std::max(height_of(plots[i]), paired ? height_of(plots[i + 1]) : 0);
-    out += one_plot(plots[i], paired || plots[i].equal_aspect ? kHalfWidth : kWholeWidth, height);
-    if (paired) out += one_plot(plots[i + 1], kHalfWidth, height);
-    if (!paired && plots[i].equal_aspect) out += "<figure></figure>\n";  // keeps the next row a row
-    i += paired ? 2 : 1;
-  }
-  return out.empty() ? "" : "<div class=\"plots\">\n" + out + "</div>\n";
 }
 
 /// The record keeps every pixel; a page that is mailed round need not.
@@ -249,41 +109,9 @@ bool short_column(const Table& table, std::size_t column) {
   });
 }
 
-std::string one_table(const Table& written) {
-  const Table table = in_one_unit(written);
-  std::vector<std::string> kinds(table.header.size());
-  for (const auto& row : table.rows) kinds.resize(std::max(kinds.size(), row.size()));
-  for (std::size_t i = 0; i < kinds.size(); ++i) {
-    const std::string kind = std::string(i > 0 && numeric_column(table, i) ? "right " : "") +
-                             (short_column(table, i) ? "short " : "");
-    if (!kind.empty()) kinds[i] = " class=\"" + kind.substr(0, kind.size() - 1) + "\"";
-  }
-  const auto cell = [&](const char* tag, const std::string& text, std::size_t column) {
-    return fmt::format("<{0}{1}>{2}</{0}>", tag, kinds[column],
-                       escape_markup(with_print_units(text)));
-  };
-  // Longer ones may be broken by a page of paper; the style sheet keeps the others whole.
-  constexpr std::size_t kOnePage = 20;  // rows that are surely kept together on paper
-  std::string out =
-      table.rows.size() > kOnePage ? "<div class=\"scroll long\">" : "<div class=\"scroll\">";
-  // No <caption>: that would be no wider than a narrow table.
-  const std::string title = escape_markup(with_print_units(table.title));
-  if (!title.empty()) out += "<p class=\"caption\">" + title + "</p>";
-  out += title.empty() ? "<table>" : "<table aria-label=\"" + title + "\">";
-  out += "<thead><tr>";
-  for (std::size_t i = 0; i < table.header.size(); ++i) out += cell("th", table.header[i], i);
-  out += "</tr></thead>\n<tbody>";
-  for (const auto& row : table.rows) {
-    out += "<tr>";
-    for (std::size_t i = 0; i < row.size(); ++i) out += cell("td", row[i], i);
-    out += "</tr>\n";
-  }
-  return out + "</tbody></table></div>\n";
-}
-
 std::string table_section(const RunData& data) {
   std::string out;
-  for (const Table& table : data.tables) out += one_table(table);
+  for (const Table& table : data.tables) out += report_table(table);
   return section("Results", out);
 }
 
@@ -369,7 +197,7 @@ std::string stream_section(const RunData& data) {
     table.rows.push_back(
         {stream.info.name, std::to_string(stream.times.size()), stream.info.source, channels});
   }
-  return section("Recorded in run.sqlite (SI units)", one_table(table));
+  return section("Recorded in run.sqlite (SI units)", report_table(table));
 }
 
 /// "top_camera.focus = 0.0123", one a line: shorter and easier to search than nested braces.
@@ -412,17 +240,75 @@ std::string source_section(const RunData& data) {
 
 }  // namespace
 
+// Nine digits: what the rig file says comes back as it was typed, without the tail of binary
+// fractions.
+std::string text_of(const nlohmann::json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (value.is_number()) return format_number(value.get<double>(), 9);
+  return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string minus_sign(const std::string& number) {
+  return number.starts_with('-') ? "\u2212" + number.substr(1) : number;
+}
+
+// A no-break space (U+00A0) between them.
+std::string printed(Shown shown) {
+  shown.number = minus_sign(shown.number);
+  return with_unit(shown, "\u00a0");
+}
+
+std::string spaced(std::string name) {
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
+}
+
+std::string report_table(const Table& written) {
+  const Table table = in_one_unit(written);
+  std::vector<std::string> kinds(table.header.size());
+  for (const auto& row : table.rows) kinds.resize(std::max(kinds.size(), row.size()));
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    const std::string kind = std::string(i > 0 && numeric_column(table, i) ? "right " : "") +
+                             (short_column(table, i) ? "short " : "");
+    if (!kind.empty()) kinds[i] = " class=\"" + kind.substr(0, kind.size() - 1) + "\"";
+  }
+  const auto cell = [&](const char* tag, const std::string& text, std::size_t column) {
+    const bool verdict = tag[1] == 'd' && column < table.header.size() &&
+                         table.header[column] == "verdict";
+    return fmt::format("<{0}{1}>{2}</{0}>", tag, kinds[column],
+                       verdict ? verdict_html(text) : escape_markup(with_print_units(text)));
+  };
+  // Longer ones may be broken by a page of paper; the style sheet keeps the others whole.
+  constexpr std::size_t kOnePage = 20;  // rows that are surely kept together on paper
+  std::string out =
+      table.rows.size() > kOnePage ? "<div class=\"scroll long\">" : "<div class=\"scroll\">";
+  // No <caption>: that would be no wider than a narrow table.
+  const std::string title = escape_markup(with_print_units(table.title));
+  if (!title.empty()) out += "<p class=\"caption\">" + title + "</p>";
+  out += title.empty() ? "<table>" : "<table aria-label=\"" + title + "\">";
+  out += "<thead><tr>";
+  for (std::size_t i = 0; i < table.header.size(); ++i) out += cell("th", table.header[i], i);
+  out += "</tr></thead>\n<tbody>";
+  for (const auto& row : table.rows) {
+    out += "<tr>";
+    for (std::size_t i = 0; i < row.size(); ++i) out += cell("td", row[i], i);
+    out += "</tr>\n";
+  }
+  return out + "</tbody></table></div>\n";
+}
+
 // A pure function of the record: no clock, no file. Sections in the order in which they are asked
 // for: outcome and results first, then how the run was made and what happened, its sources last.
 std::string report_html(const RunData& data) {
   const RunStart& start = data.start;
-  const std::string sections = head_section(data) + result_tiles(data) + plot_grid(data) +
-                               picture_grid(data) + table_section(data) +
+  const std::string sections = report_head(data) + report_plots(data) + picture_grid(data) +
+                               table_section(data) + report_facts(data) +
                                "<div class=\"columns\">" + parameter_section(data) +
                                version_section(data) + "</div>\n" + alarm_section(data) +
                                event_section(data) + stream_section(data) + source_section(data);
   // The page's Content-Security-Policy makes the promise hold even for what a script managed to
-  // smuggle in: nothing is loaded, nothing runs.
+  // smuggle in: nothing is loaded, and
+  // nothing runs but the page's own script.
   return filled_page(
       {.title = start.protocol_title.empty() ? start.protocol_file : start.protocol_title,
        .sections = sections,

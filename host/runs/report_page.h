@@ -8,11 +8,13 @@
 
 namespace vitreo {
 
-/// The HTML document, with {{title}}, {{style}}, {{sections}} and {{run}} where the run's own parts
-/// go.
+/// The HTML document, with {{title}}, {{style}}, {{script_hash}}, {{sections}}, {{run}} and {{script}}
+/// where the run's own parts go.
 std::string_view report_page();
 /// The style sheet, for screen and paper.
 std::string_view report_style();
+/// What makes the plots answer to a pointer; the page is complete without it.
+std::string_view report_script();
 
 /// A page of that look.
 struct PageParts {

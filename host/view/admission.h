@@ -13,6 +13,8 @@ struct ViewRequest {
   std::string address = "127.0.0.1";   // of the machine, at which the page is served
   unsigned short port = 0;             // 0: any that is free
   std::filesystem::path token_file{};  // empty: each browser wants an invitation of its own
+  /// s after the run, at most, for which its report is served while a page is still open.
+  double linger = 0;
 };
 
 constexpr int kFoxglovePort = 8765;  // to which Foxglove and its kin connect by default

@@ -11,6 +11,8 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include <cmath>
+#include <fstream>
+#include <iterator>
 #include <thread>
 
 namespace vitreo::view {
@@ -23,6 +25,7 @@ constexpr auto kStatePeriod = std::chrono::milliseconds(100);
 constexpr std::size_t kHistory = 600;   // rows of a stream for a viewer that joins
 constexpr std::size_t kMostRows = 200;  // rows of a stream in one message
 constexpr int kJpegQuality = 80;
+constexpr std::string_view kReport = "/report";
 
 std::string text_of(const json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -89,10 +92,11 @@ struct LiveView::State {
   State(const ViewRequest& request, ProgressListener& terminal)
       : board(terminal),
         token_file(request.token_file),
+        linger(request.linger),
         server(settings(request),
                {[this](int viewer) { sent[viewer] = {}; }, [this](int viewer) { leave(viewer); },
                 [this](int viewer, const std::string& message) { receive(viewer, message); },
-                [this] { tick(); }}) {}
+                [this] { tick(); }, [this](std::string_view path) { return document(path); }}) {}
 
   /// Checked before anything listens.
   static ServerSettings settings(const ViewRequest& request) {
@@ -110,19 +114,29 @@ struct LiveView::State {
   Session* session = nullptr;
   std::string title, outcome;
   bool end_sent = true;
+  bool report_sent = false;
+  std::size_t watching = 0;  // viewers after the end
   std::optional<Pointing> pointing;
   // The server's thread only.
   std::map<int, Sent> sent;
   int operator_viewer = 0;  // the viewer that has control; 0: none
   std::chrono::steady_clock::time_point framed{}, stated{};
   std::map<std::pair<std::string, std::uint64_t>, std::shared_ptr<const std::string>> encoded;
-  WebServer server;  // last: its thread uses all the others
+  std::filesystem::path folder;  // of the run
+  std::string report;            // its HTML, once it is written
+  const double linger;           // s
+  WebServer server;              // last: its thread uses all the others
 
   // Control falls free with the connection: a browser that crashed must not keep it.
   void leave(int viewer) {
     sent.erase(viewer);
     if (operator_viewer == viewer) operator_viewer = 0;
   }
+  std::string document(std::string_view path) {
+    const std::lock_guard lock(mutex);
+    return path == kReport ? report : "";
+  }
+  void serve_report();
   void tick();
   void show_frames();
   void show_state(int viewer, Sent& known);
@@ -143,6 +157,10 @@ void LiveView::State::tick() {
     if (!std::exchange(end_sent, true))
       for (const int viewer : server.viewers())
         server.send(viewer, text_of({{"ended", outcome}, {"rest", rest_of(board)}}));
+    if (!report.empty() && !std::exchange(report_sent, true))
+      for (const int viewer : server.viewers())
+        server.send(viewer, text_of({{"report", kReport}}));
+    watching = server.viewers().size();
     return;
   }
   if (now - framed >= kFramePeriod) framed = now, show_frames();
@@ -272,6 +290,8 @@ OperatorCommand command_of(const std::string& word, const json& message, const P
 json LiveView::State::perform(int viewer, const json& message) {
   const std::string word = message["do"];
   if (session == nullptr) throw std::invalid_argument("the run has ended");
+  if (word == "where")
+    return {{"where", pointing->where(message)}, {"id", message.value("id", 0)}};
   if (word == "take") {
     // Control is taken from another viewer only with "force".
     if (operator_viewer != 0 && operator_viewer != viewer && !message.value("force", false))
@@ -307,6 +327,27 @@ LiveView::~LiveView() {
     const std::lock_guard lock(state_->mutex);
     if (state_->end_sent) break;
   }
+  state_->serve_report();
+}
+
+// The run is over and recorded: nothing waits for this but the program's own end.
+void LiveView::State::serve_report() {
+  using namespace std::chrono;
+  std::ifstream file(folder / "report.html", std::ios::binary);
+  if (folder.empty() || linger <= 0 || !file) return;
+  {
+    const std::lock_guard lock(mutex);
+    report.assign(std::istreambuf_iterator<char>(file), {});
+    watching = 1;  // until the server's thread has counted them
+  }
+  const auto until = steady_clock::now() + duration<double>(linger);
+  for (bool said = false; steady_clock::now() < until;) {
+    std::this_thread::sleep_for(milliseconds(30));
+    const std::lock_guard lock(mutex);
+    if (report_sent && watching == 0) return;
+    if (report_sent && !std::exchange(said, true))
+      board.message("the live view shows the report until its page is closed; Ctrl-C ends it now");
+  }
 }
 
 ProgressListener& LiveView::listener() { return state_->board; }
@@ -317,6 +358,7 @@ void LiveView::begin(Session& session) {
     state_->title = session.recorder.start().protocol_title;
     state_->pointing.emplace(session.rig.model);
     state_->session = &session;
+    state_->folder = session.recorder.folder();
   }
   // The board listens to the record, and frames come also while the script grabs none.
   session.recorder.watch(&state_->board);

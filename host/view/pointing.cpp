@@ -117,6 +117,25 @@ std::vector<Eigen::Vector3d> Pointing::positions(const nlohmann::json& message,
   return found;
 }
 
+nlohmann::json Pointing::where(const nlohmann::json& message) const {
+  constexpr std::size_t kMost = 100;
+  const nlohmann::json points = message.value("points", nlohmann::json::array());
+  if (message.value("camera", "") != "top_camera" || !points.is_array() || points.size() > kMost)
+    throw std::invalid_argument("where wants the top camera and 1 to 100 points");
+  const double z = meters(message, "z");
+  nlohmann::json places = nlohmann::json::array();
+  for (const auto& point : points) {
+    const Eigen::Vector2d pixel = numbers(point, 2, "a point");
+    try {
+      const Eigen::Vector3d found = at_height(pixel, z);
+      places.push_back({found.x(), found.y(), found.z()});
+    } catch (const std::invalid_argument&) {  // beyond the eye's edge
+      places.push_back(nullptr);
+    }
+  }
+  return places;
+}
+
 // In the order of ServoRecord's stream, from its ninth column on.
 ClearanceBelief Pointing::belief(const std::vector<double>& clearance) {
   if (clearance.size() < 14) return {};

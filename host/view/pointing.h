@@ -29,6 +29,10 @@ class Pointing {
   /// Throws std::invalid_argument saying what is wrong.
   std::vector<Eigen::Vector3d> positions(const nlohmann::json& message,
                                          const ClearanceBelief& belief = {}) const;
+  /// Positions under the points of a message {"camera": "top_camera", "points", "z": m}, for rulers
+  /// and cursors: [x, y, z] in m, or null where nothing of that height shows. Nothing is checked
+  /// against the reach. Throws std::invalid_argument for more than 100 points.
+  nlohmann::json where(const nlohmann::json& message) const;
   /// Of the loop that wrote the stream clearance; without a row any attitude, and the rig's own
   /// view.
   static ClearanceBelief belief(const std::vector<double>& clearance);

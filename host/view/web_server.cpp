@@ -439,7 +439,14 @@ Response WebServer::State::answer(const Request& request) {
     if (asset.gzip) response.set(http::field::content_encoding, "gzip");
     return response;
   }
-  return reply(http::status::not_found, "there is no such page\n");
+  const std::string made = callbacks.document ? callbacks.document(path) : "";
+  if (made.empty()) return reply(http::status::not_found, "there is no such page\n");
+  Response response = reply(http::status::ok, made);
+  response.set(http::field::content_type, "text/html; charset=utf-8");
+  response.set("Content-Security-Policy",
+               "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src "
+               "'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'");
+  return response;
 }
 
 // Throws the system's error; the constructor adds the address.

@@ -48,6 +48,9 @@ class WebServer {
     std::function<void(int viewer)> left;
     std::function<void(int viewer, const std::string& message)> received;  // text of up to 64 kB
     std::function<void()> tick;                                            // each 10 ms
+    /// HTML of a path that is none of the assets', for who was admitted; empty where there is none.
+    /// It may hold styles and a script of its own, and loads nothing.
+    std::function<std::string(std::string_view path)> document{};
   };
 
   /// Listens, and serves until it is destroyed. Throws std::runtime_error naming the address.

@@ -44,6 +44,7 @@ end
 function judge.results(run, span)
   local found = judge.measure(run, span)
   local path, localization = found.path, found.localization
+  run:headline(("Path followed to %.0f µm rms, localized to %.0f µm"):format(path.rms / um, localization.mean / um))
   run:result("path_error_rms", path.rms, "m")
   run:result("path_error_lateral_rms", path.lateral_rms, "m")
   run:result("path_error_depth_rms", path.depth_rms, "m")
@@ -124,7 +125,22 @@ local function error_plot(run, span, which)
   local localization = judge.distances(run, span, "")
   path.label, localization.label = "from the path", "of the localization"
   localization.mark = "points"
-  run:plot { title = "Error against time" .. which, x = { "time", "s" }, y = { "error", "um" }, series = { path, localization } }
+  -- Sideways and in depth together, as the distance is: roots of sums of squares of table 5.4's.
+  local lateral, depth = judge.thesis.lateral, judge.thesis.depth
+  local mean, deviation = math.sqrt(lateral[1] ^ 2 + depth[1] ^ 2), math.sqrt(lateral[2] ^ 2 + depth[2] ^ 2)
+  run:plot {
+    title = "Error against time" .. which,
+    x = { "time", "s" },
+    y = { "error", "um" },
+    series = { path, localization },
+    expected = {
+      {
+        label = ("localization in the thesis: %.0f ± %.0f µm (table 5.4)"):format(mean / um, deviation / um),
+        low = mean - deviation,
+        high = mean + deviation,
+      },
+    },
+  }
 end
 
 local function currents_plot(run, span, which)

@@ -5,8 +5,6 @@ local units = require "units"
 
 local plots = {}
 
-local nothing = 0 / 0 -- breaks a line
-
 local function finite(value) return type(value) == "number" and value == value and math.abs(value) < math.huge end
 
 local function needed(options, call, names)
@@ -61,26 +59,18 @@ function plots.histogram(run, options)
   return counts
 end
 
---- Points with a bar of one `sigma` up and down. `x_values`, `y_values`, `sigma`, `x`, `y` and `title` are needed.
+--- Points with a bar of one `sigma` up and down, with caps. `x_values`, `y_values`, `sigma`, `x`, `y` and `title` are needed;
+--- `expected` as run:plot takes it.
 function plots.error_bars(run, options)
   needed(options, "error_bars", { "x_values", "y_values", "sigma", "x", "y", "title" })
   local x, y, sigma = options.x_values, options.y_values, options.sigma
   if #x ~= #y or #x ~= #sigma then error("plots.error_bars: x_values, y_values and sigma differ in length", 2) end
-  local bar_x, bar_y = {}, {}
-  for i = 1, #x do
-    for _, end_of_bar in ipairs { y[i] - sigma[i], y[i] + sigma[i] } do
-      bar_x[#bar_x + 1], bar_y[#bar_y + 1] = x[i], end_of_bar
-    end
-    bar_x[#bar_x + 1], bar_y[#bar_y + 1] = nothing, nothing
-  end
   run:plot {
     title = options.title,
     x = options.x,
     y = options.y,
-    series = {
-      { label = options.label, x = x, y = y, mark = "points" },
-      { label = "one standard deviation", x = bar_x, y = bar_y },
-    },
+    series = { { label = options.label or "mean ± one standard deviation", x = x, y = y, spread = sigma, mark = "points" } },
+    expected = options.expected,
     note = options.note,
   }
 end

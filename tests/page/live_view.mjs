@@ -10,15 +10,16 @@ const seen = { errors: [] };
 const patience = { timeout: 60000 };
 
 const says = (page, words) => page.waitForFunction((text) => document.body.textContent.includes(text), words, patience);
-const state = (page, begin) =>
-  page.waitForFunction((text) => document.querySelector('#state').textContent.startsWith(text), begin, patience);
+const state = (page, kind) => page.waitForSelector(`#state[data-kind='${kind}']`, patience);
+const frames = (page) => page.waitForFunction(() => document.querySelector('#top_camera')?.dataset.frame, null, patience);
+const plainMinus = (text) => text.replaceAll('\u2212', '-');
 
 async function takeControl(page) {
   await page.click('#take');
-  await page.waitForFunction(() => document.querySelector('#take').textContent === 'release control');
+  await page.waitForSelector('.who', { state: 'attached' });
 }
 
-/** How many pixels of the picture about a place of it are as white as a path that is drawn. */
+/** How many pixels of the drawing about a place of it are as white as a path that is drawn. */
 const white = (page, u, v) =>
   page.evaluate(([u, v]) => {
     const canvas = document.querySelector('#top_camera');
@@ -30,24 +31,23 @@ const white = (page, u, v) =>
   }, [u, v]);
 
 async function steer(page) {
-  await page.waitForFunction(() => document.querySelector('#top_camera')?.nextSibling.textContent.includes('frame'), null, patience);
+  await frames(page);
   await says(page, 'point at a place');
   const at = async (u, v) => {
     const box = await page.locator('#top_camera').boundingBox();
     return [box.x + box.width * u, box.y + box.height * v];
   };
-  await page.mouse.click(...(await at(0.6, 0.45))); // without control: nothing happens
-  await page.waitForTimeout(500);
-  seen.withoutControl = await page.locator('#note').count();
+  await page.mouse.click(...(await at(0.6, 0.45))); // without control: it is said why nothing happens
+  seen.withoutControl = await page.textContent('#note', { timeout: 10000 });
   await takeControl(page);
   // The hand on the SpaceMouse (the rig file's) pushes up now and then, and nobody touches the page: the depth that is aimed at rises.
-  const aim = () => page.textContent('#aim');
+  const aim = async () => plainMinus(await page.textContent('#aim'));
   seen.aimBefore = await aim();
-  await page.waitForFunction((before) => document.querySelector('#aim').textContent !== before, seen.aimBefore, patience);
+  await page.waitForFunction((before) => document.querySelector('#aim').textContent.replaceAll('\u2212', '-') !== before, seen.aimBefore, patience);
   await page.waitForTimeout(2500); // a push takes 1 s
   seen.aimAfter = await aim();
   await page.mouse.click(...(await at(0.6, 0.45)));
-  await page.waitForSelector('#note', { timeout: 10000 });
+  await page.waitForFunction(() => document.querySelector('#note')?.textContent.startsWith('target '), null, { timeout: 10000 });
   seen.note = await page.textContent('#note');
   seen.whiteBefore = await white(page, 0.5, 0.5);
   await page.mouse.move(...(await at(0.4, 0.5)));
@@ -60,7 +60,7 @@ async function steer(page) {
   await says(page, 'the first of ');
   seen.distance = await page.textContent('#distance');
   seen.markup = await page.evaluate(() => [...document.querySelectorAll('b')].some((b) => b.textContent === 'Bold'));
-  await page.click('#zero');
+  await page.keyboard.press('z');
   await page.keyboard.press('ArrowUp');
   await page.waitForTimeout(1500);
   await page.screenshot({ path: `${folder}/live_view.png` });
@@ -71,10 +71,16 @@ async function steer(page) {
   seen.secondVisit = (await second.goto(address)).status();
   await page.bringToFront();
   await page.keyboard.press('Space');
-  await state(page, 'ended:');
+  await state(page, 'ended');
   seen.state = await page.textContent('#state');
-  seen.rest = await page.textContent('.coils .rest');
-  seen.coils = await page.locator('.coil .value:nth-of-type(2)').allTextContents();
+  seen.rest = await page.textContent('.message .rest');
+  seen.coils = await page.locator('.coil .value').allTextContents();
+  seen.acting = await page.locator('#stop, #take, #pause, .jog button').count();
+  const path = await page.getAttribute('#report', 'href', patience);
+  const report = await page.context().newPage();
+  await report.goto(new URL(path, page.url()).href);
+  seen.report = await report.textContent('h1');
+  await page.screenshot({ path: `${folder}/live_view_ended.png` });
 }
 
 async function answer(page) {
@@ -93,28 +99,26 @@ async function answer(page) {
   await says(page, 'Which eye?');
   await page.locator('#question button', { hasText: 'left' }).click();
   await says(page, 'step 3');
-  await page.locator('.control button', { hasText: 'pause' }).click();
+  await page.click('#pause');
   await state(page, 'paused');
-  const count = () => page.locator('.log li', { hasText: 'step ' }).count();
+  const newestStep = () => Math.max(0, ...[...document.querySelectorAll('.log li')].map((li) => Number(/step (\d+)/.exec(li.textContent)?.[1] ?? 0)));
+  const count = () => page.evaluate(newestStep); // steps that follow closely are one line
   const before = await count();
   await page.waitForTimeout(1000);
   seen.whilePaused = (await count()) - before;
   await page.screenshot({ path: `${folder}/live_view_paused.png` });
-  await page.locator('.control button', { hasText: 'resume' }).click();
-  await page.waitForFunction((n) => [...document.querySelectorAll('.log li')].filter((li) => li.textContent.includes('step ')).length > n + 2,
-    before, patience);
-  await state(page, 'ended: completed');
+  await page.click('#pause');
+  for (let i = 0; i < 300 && (await count()) <= before + 2; ++i) await page.waitForTimeout(100);
+  seen.afterPause = (await count()) - before;
+  await state(page, 'ended');
 }
 
-/** How many pixels of the depth bar have a color. */
-const inBar = (page, color) =>
-  page.evaluate(([r, g, b]) => {
-    const canvas = document.querySelector('#depth_bar');
-    const { data } = canvas.getContext('2d').getImageData(10, 0, 25, canvas.height);
-    let found = 0;
-    for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) ++found;
-    return found;
-  }, color);
+/** The depth bar: its level, the height of the body's block, of the band of its spread, and of what the last 2 mm show, px. */
+const bar = (page) =>
+  page.evaluate(() => {
+    const high = (query) => document.querySelector(`#depth_bar ${query}`)?.getBoundingClientRect().height ?? 0;
+    return { level: document.querySelector('#depth_bar').dataset.level, body: high('.body'), spread: high('.spread'), near: high('.block') };
+  });
 
 /** Points at places for a protocol that waits for them, and says when it is enough. */
 async function supervise(page) {
@@ -132,20 +136,19 @@ async function supervise(page) {
   };
   seen.places = [];
   for (const [u, v] of [[0.56, 0.47], [0.5, 0.56]]) {
-    await page.waitForFunction(() => document.querySelector('#top_camera')?.nextSibling.textContent.includes('click: target'), null, patience);
+    await page.waitForSelector('#top_camera.aim', patience);
     seen.places.push(await point(u, v));
     await says(page, `point ${seen.places.length} at `);
     await page.screenshot({ path: `${folder}/live_view_point_${seen.places.length}.png` });
   }
   seen.distance = await page.textContent('#distance');
-  seen.bar = { free: await inBar(page, [0x00, 0x9e, 0x73]), spread: await inBar(page, [0xff, 0x61, 0x8c]) };
+  seen.bar = await bar(page);
   for (let i = 0; i < 30; ++i) await page.keyboard.press('ArrowDown'); // the surface 1.5 mm from the retina, 0.9 at least
-  await page.waitForFunction(() => document.querySelector('#distance').className.includes('near'), null, patience);
+  await page.waitForFunction(() => document.querySelector('#distance').dataset.level === 'near', null, patience);
   seen.near = {
     text: await page.textContent('#distance'),
     clearance: await page.textContent('#clearance'),
-    orange: await inBar(page, [0xe6, 0x9f, 0x00]),
-    spread: await inBar(page, [0x19, 0x60, 0xff]),
+    bar: await bar(page),
   };
   await page.screenshot({ path: `${folder}/live_view_near.png` });
   // Far below what is left: the margin refuses, and says in mm what would be left.
@@ -156,7 +159,6 @@ async function supervise(page) {
   }
   seen.refused = await page.textContent('#note');
   await page.setViewportSize({ width: 820, height: 1180 });
-  await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
   await page.waitForTimeout(300);
   seen.stopInSight = await page.evaluate(() => {
     const box = document.querySelector('#stop').getBoundingClientRect();
@@ -164,7 +166,7 @@ async function supervise(page) {
   });
   await page.screenshot({ path: `${folder}/live_view_supervised_tablet.png` });
   await page.locator('#question button', { hasText: 'done' }).click();
-  await state(page, 'ended: completed');
+  await state(page, 'ended');
 }
 
 try {

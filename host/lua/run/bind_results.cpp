@@ -8,6 +8,8 @@
 #include "host/text/units.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace vitreo::lua {
@@ -30,6 +32,13 @@ std::string shown_unit(const std::string& symbol) {
   return std::string(unit.dimension.empty() ? unit.symbol : unit.dimension);
 }
 
+/// The last one counts: what came out may overtake what was hoped for.
+int headline(Call& call) {
+  Session& session = session_of(call.L);
+  session.recorder.event(session.clock.now(), "headline", call.text(0));
+  return 0;
+}
+
 /// At the prompt the name is noted too: of all results of the session only those of the protocol
 /// that has just run are shown (end_nested in host/lua/prompt/prompt.cpp).
 int result(Call& call) {
@@ -45,7 +54,7 @@ int result(Call& call) {
 
 /// {"time", "s"} or {label = "time", unit = "s"}.
 Axis axis_of(lua_State* L, int index, const std::string& name) {
-  refuse_unknown(L, index, name + ".", {"label", "unit"});
+  refuse_unknown(L, index, name + ".", {"label", "unit", "log"});
   Axis axis{text_field(L, index, "label", name + ".", false),
             text_field(L, index, "unit", name + ".", false)};
   for (int i = 1; i <= 2; ++i) {
@@ -54,7 +63,22 @@ Axis axis_of(lua_State* L, int index, const std::string& name) {
     lua_pop(L, 1);
   }
   known_unit(axis.unit);
+  lua_getfield(L, index, "log");
+  axis.logarithmic = lua_toboolean(L, -1) != 0;
+  lua_pop(L, 1);
   return axis;
+}
+
+/// A number of a table; `otherwise` where there is none.
+double number_field(lua_State* L, int index, const char* name, const std::string& where,
+                    double otherwise) {
+  lua_getfield(L, index, name);
+  const bool none = lua_isnil(L, -1);
+  if (!none && lua_type(L, -1) != LUA_TNUMBER)
+    throw std::invalid_argument(where + name + ": wants a number, got " + kind_of(L, -1));
+  const double value = none ? otherwise : lua_tonumber(L, -1);
+  lua_pop(L, 1);
+  return value;
 }
 
 std::vector<double> values_field(lua_State* L, int index, const char* name,
@@ -79,14 +103,68 @@ Mark mark_of(const std::string& name, const std::string& where) {
 Series series_of(lua_State* L, int index, const std::string& where) {
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + " wants a table, got " + kind_of(L, index));
-  refuse_unknown(L, index, where, {"label", "x", "y", "mark"});
+  refuse_unknown(L, index, where, {"label", "x", "y", "mark", "spread"});
   Series series{text_field(L, index, "label", where, false), values_field(L, index, "x", where),
                 values_field(L, index, "y", where),
                 mark_of(text_field(L, index, "mark", where, false), where)};
   if (series.x.size() != series.y.size())
     throw std::invalid_argument(where + "x has " + std::to_string(series.x.size()) +
                                 " numbers, y has " + std::to_string(series.y.size()));
+  if (lua_getfield(L, index, "spread") != LUA_TNIL)
+    series.spread = values_field(L, index, "spread", where);
+  lua_pop(L, 1);
+  if (!series.spread.empty() && series.spread.size() != series.x.size())
+    throw std::invalid_argument(where + "spread has " + std::to_string(series.spread.size()) +
+                                " numbers, x has " + std::to_string(series.x.size()));
   return series;
+}
+
+/// {label =, at =} or {label =, low =, high =}, an end that is left out being the plot's.
+Expected expected_of(lua_State* L, int index, const std::string& where) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (!lua_istable(L, index))
+    throw std::invalid_argument(where + " wants a table, got " + kind_of(L, index));
+  refuse_unknown(L, index, where, {"label", "at", "low", "high"});
+  const double at =
+      number_field(L, index, "at", where, std::numeric_limits<double>::quiet_NaN());
+  Expected expected{text_field(L, index, "label", where, false),
+                    number_field(L, index, "low", where, -kInfinity),
+                    number_field(L, index, "high", where, kInfinity)};
+  if (!std::isnan(at)) expected.low = expected.high = at;
+  if (!(expected.low <= expected.high) ||
+      (std::isinf(expected.low) && std::isinf(expected.high)))
+    throw std::invalid_argument(where + " wants at, or low or high, low at most high");
+  return expected;
+}
+
+Annotation annotation_of(lua_State* L, int index, const std::string& where) {
+  if (!lua_istable(L, index))
+    throw std::invalid_argument(where + " wants a table, got " + kind_of(L, index));
+  refuse_unknown(L, index, where, {"text", "x", "y"});
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  Annotation annotation{text_field(L, index, "text", where, false),
+                        number_field(L, index, "x", where, kNone),
+                        number_field(L, index, "y", where, kNone)};
+  if (!std::isfinite(annotation.x)) throw std::invalid_argument(where + "x: wants a number");
+  return annotation;
+}
+
+/// Each item of the option's list, if it is given, by `read`.
+template <typename Item>
+std::vector<Item> list_option(Call& call, const char* name,
+                              Item (*read)(lua_State*, int, const std::string&)) {
+  std::vector<Item> items;
+  call.push_option(name);
+  const int list = lua_gettop(call.L);
+  if (lua_istable(call.L, list))
+    for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(call.L, list)); ++i) {
+      lua_rawgeti(call.L, list, i);
+      items.push_back(
+          read(call.L, lua_gettop(call.L), std::string(name) + " " + std::to_string(i) + ": "));
+      lua_pop(call.L, 1);
+    }
+  lua_settop(call.L, list - 1);
+  return items;
 }
 
 Axis axis_option(Call& call, const char* name) {
@@ -103,14 +181,9 @@ int plot(Call& call) {
   plot.y = axis_option(call, "y");
   plot.equal_aspect = call.flag_option("equal_aspect");
   plot.note = call.text_option("note").value_or("");
-  call.push_option("series");
-  const int list = lua_gettop(call.L);
-  for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(call.L, list)); ++i) {
-    lua_rawgeti(call.L, list, i);
-    plot.series.push_back(
-        series_of(call.L, lua_gettop(call.L), "series " + std::to_string(i) + ": "));
-    lua_pop(call.L, 1);
-  }
+  plot.series = list_option(call, "series", series_of);
+  plot.expected = list_option(call, "expected", expected_of);
+  plot.annotations = list_option(call, "marks", annotation_of);
   session_of(call.L).recorder.plot(plot);
   return 0;
 }
@@ -162,11 +235,16 @@ Argument plot_options() {
       .name = "options",
       .type = Type::options,
       .options = {
-          field("title", Type::text, ""), field("x", Type::table, "{\"time\", \"s\"}"),
+          field("title", Type::text, ""),
+          field("x", Type::table, "{\"time\", \"s\"}; log = true: decades"),
           field("y", Type::table, "{\"error\", \"um\"}"),
-          field(
-              "series", Type::list,
-              "{{label =, x = {...}, y = {...}, mark = \"line\", \"dashed\" or \"points\"}, ...}"),
+          field("series", Type::list,
+                "{{label =, x = {...}, y = {...}, mark = \"line\", \"dashed\" or \"points\", spread "
+                "= {...} half-lengths of bars}, ...}"),
+          field("expected", Type::list,
+                "{{label =, at =} or {label =, low =, high =}, ...}: lines and bands of y", true),
+          field("marks", Type::list,
+                "{{text =, x =, y =}, ...}: words at points, or, without y, at dotted lines", true),
           field("equal_aspect", Type::flag, "a millimeter is as long in both directions", true),
           field("note", Type::text, "one line below", true)}};
 }
@@ -190,6 +268,12 @@ std::vector<Binding> run_result_rows() {
        "states a key result",
        result,
        "run:result(\"wobble\", 12 * um, \"m\")"},
+      {"headline",
+       {text("sentence")},
+       "",
+       "says in one sentence what came out: the report's first line",
+       headline,
+       "run:headline(\"Square followed to \" .. format_quantity(137 * um, \"m\") .. \" rms\")"},
       {"plot",
        {plot_options()},
        "",

@@ -144,6 +144,51 @@ TEST(Plot, EightCoilsHaveEightColorsAndTheReferenceItsOwn) {
   }
 }
 
+TEST(Plot, WhatWasExpectedIsABandOrALineWithItsWordsInThePlot) {
+  Plot plot = plot_of({series_of({0, 1, 2}, {1e-4, 2e-4, 1.5e-4})});
+  plot.expected = {{"thesis: 266 \u00b1 184 \u00b5m", 82e-6, 450e-6}, {"goal", -kInfinity, 300e-6}};
+  plot.annotations = {{"bottom", 0.5}, {"here", 1, 2e-4}};
+  const std::string svg = to_svg(plot, 900, 300);
+  expect_well_formed(svg);
+  for (const char* part :
+       {">thesis: 266 \u00b1 184 \u00b5m<", ">goal<", ">bottom<", ">here<", "#E9DFCB"})
+    EXPECT_TRUE(contains(svg, part)) << part;
+  EXPECT_GE(lay_out_plot(plot, 900, 300).y.high, 450) << "the band is in sight";
+  plot.expected = {{"elsewhere", 1, 1}};
+  EXPECT_LT(lay_out_plot(plot, 900, 300).y.high, 1000) << "but does not rule the plot from afar";
+}
+
+TEST(Plot, BarsHaveCapsAndPointsAreHollowBelowLines) {
+  Series measured = series_of({0, 1, 2}, {1e-4, 2e-4, 1.5e-4});
+  measured.mark = Mark::points;
+  measured.spread = {2e-5, 2e-5, 2e-5};
+  const std::string svg = to_svg(plot_of({series_of({0, 2}, {1e-4, 2e-4}), measured}));
+  expect_well_formed(svg);
+  EXPECT_EQ(bars_svg({{10, 30, 20}}, {"#000000", "", 1, Mark::points}),
+            "<path fill=\"none\" stroke=\"#000000\" stroke-width=\"1.2\" "
+            "d=\"M6.5 20.0H13.5M10.0 20.0V30.0M6.5 30.0H13.5\"/>");
+  EXPECT_TRUE(contains(svg, "<g fill=\"none\" stroke=")) << "hollow";
+  EXPECT_LT(svg.find("data-series=\"1\""), svg.find("data-series=\"0\"")) << "points lie below";
+  measured.spread.pop_back();
+  EXPECT_THROW(to_svg(plot_of({measured})), std::invalid_argument);
+}
+
+TEST(Plot, ALogarithmicAxisShowsDecadesAndLeavesOutWhatIsNotPositive) {
+  Plot plot = plot_of({series_of({1e-3, 1, 1e3}, {1e-6, 1e-4, 1e-2})});
+  plot.x.logarithmic = plot.y.logarithmic = true;
+  const std::string svg = to_svg(plot);
+  expect_well_formed(svg);
+  for (const char* tick : {">1<", ">100<", ">10\u207b\u00b3<", ">10\u2074<"})
+    EXPECT_TRUE(contains(svg, tick)) << tick;
+  const Drawing drawing = lay_out_plot(plot, 640, 360);
+  EXPECT_NEAR(drawing.px(0) - drawing.px(-3), drawing.px(3) - drawing.px(0), 1e-9);
+  EXPECT_EQ(make_decades({0, 1}, 8).labels, (std::vector<std::string>{"1", "2", "5", "10"}));
+  plot.series[0].y = {0, -1, 1e-3};
+  EXPECT_EQ(lay_out_plot(plot, 640, 360).strokes[0].size(), 1U);
+  plot.series[0].y = {0, -1, 0};
+  EXPECT_TRUE(contains(to_svg(plot), ">no data<"));
+}
+
 TEST(ImagePlot, MarksStandOnThePixelsTheyName) {
   // 160 x 80 px are drawn four times as large: the center of pixel (10, 20) is 10.5 and 20.5 pixels
   // from the corner.

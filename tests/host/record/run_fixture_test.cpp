@@ -229,8 +229,9 @@ bool well_formed(const std::string& markup, std::string* what) {
   for (std::size_t i = 0; i < markup.size() && what->empty();) {
     if (markup[i] == '<') {
       i = read_tag(markup, i, open, what);
-      if (!open.empty() && open.back() == "style")
-        i = std::min(markup.find("</style>", i), markup.size());
+      // What stands in these is no markup.
+      if (!open.empty() && (open.back() == "style" || open.back() == "script"))
+        i = std::min(markup.find("</" + open.back() + ">", i), markup.size());
     } else if (markup[i] == '&') {
       const std::size_t end = markup.find(';', i);
       const std::string entity = end == std::string::npos ? "" : markup.substr(i, end - i + 1);

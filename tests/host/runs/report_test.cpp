@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/runs/report.h"
 
+#include "host/record/record_json.h"
 #include "host/runs/report_files.h"
+#include "host/runs/report_page.h"
+#include "host/runs/report_parts.h"
+#include "host/text/markup.h"
 #include "tests/host/record/run_fixture.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 
 namespace vitreo {
@@ -17,14 +22,26 @@ bool contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-/// The page alone must do: nothing that a browser would fetch or run.
-void expect_self_contained(const std::string& page) {
-  EXPECT_FALSE(contains(page, "<script"));
+std::size_t count_of(const std::string& text, const std::string& part) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
+    ++count;
+  return count;
+}
+
+/// The page alone must do: nothing that a browser would fetch, and it runs the program's own script
+/// alone.
+void expect_self_contained(const std::string& whole) {
+  EXPECT_EQ(count_of(whole, "<script"), 1U);
+  EXPECT_TRUE(contains(whole, "<script>" + std::string(report_script()) + "</script>"));
+  const std::string page = whole.substr(0, whole.find("<script>"));
   EXPECT_FALSE(contains(page, "<link") || contains(page, "<iframe") || contains(page, "@import") ||
                contains(page, "url("));
   for (std::size_t at = page.find('<'); at != std::string::npos; at = page.find('<', at + 1)) {
     const std::string tag = page.substr(at, std::min<std::size_t>(page.find('>', at) - at, 300));
-    EXPECT_FALSE(contains(tag, "href=") || contains(tag, " on")) << tag;
+    EXPECT_FALSE(contains(tag, " on")) << tag;
+    if (const std::size_t link = tag.find("href="); link != std::string::npos)
+      EXPECT_EQ(tag.substr(link + 6, 21), "data:text/csv;base64,");
     const std::size_t source = tag.find("src=\"");
     if (source == std::string::npos || tag.starts_with("<meta")) continue;
     EXPECT_EQ(tag.substr(source + 5, 23), "data:image/jpeg;base64,");
@@ -54,7 +71,7 @@ TEST_F(Report, ShowsWhatHowAndWhenInPeoplesUnits) {
   expect_self_contained(page);
   for (const char* part :
        {"Servo round the square of figure 6.5", "completed", "night job", "path error rms",
-        ">187 <span class=\"unit\">\u00b5m", "0.5\u00a0mm/s", "10\u00a0mT", "robot lost for 0.8 s",
+        ">187 <small>\u00b5m", "0.5\u00a0mm/s", "10\u00a0mT", "robot lost for 0.8 s",
         "top_camera.focus = 0.0123", "18446744073709551615", "Seen from the side",
         "Localization error beside thesis table 5.4", "First corner"}) {
     EXPECT_TRUE(contains(page, part)) << part;
@@ -96,7 +113,8 @@ TEST_F(Report, WhatScriptsWriteStaysText) {
   const std::string page = test::read_file(recorder.folder() / "report.html");
   std::string what;
   EXPECT_TRUE(test::well_formed(page, &what)) << what;
-  EXPECT_FALSE(contains(page, "<script") || contains(page, "<img src=x"));
+  EXPECT_EQ(count_of(page, "<script"), 1U);
+  EXPECT_FALSE(contains(page, "<img src=x"));
   EXPECT_FALSE(contains(page, "\xff"));
 }
 
@@ -146,11 +164,96 @@ TEST_F(Report, ShowsDrawingsBeforeThePlotsAsImagesThatCannotRun) {
   const std::string page = test::read_file(recorder.folder() / "report.html");
   std::string what;
   EXPECT_TRUE(test::well_formed(page, &what)) << what;
-  EXPECT_FALSE(contains(page, "<script"));
+  EXPECT_EQ(count_of(page, "<script"), 1U);
   const std::size_t drawing =
       page.find("<img alt=\"The &quot;lens&quot;\" src=\"data:image/svg+xml;base64,");
   ASSERT_NE(drawing, std::string::npos);
   EXPECT_LT(drawing, page.find("<svg"));
+}
+
+// Whoever opens it reads first what was done, whether it is good, and the number that matters.
+TEST_F(Report, BeginsWithTheSentenceTheNumberAndItsVerdict) {
+  test::ReportedRecorder recorder(parent_.path(), test::servo_start());
+  recorder.result({"path_error_rms", 137e-6, "m"});
+  recorder.table(
+      {"Beside the thesis",
+       {"where", "what", "thesis", "ours", "tolerance", "verdict", "why"},
+       {{"6.2", "path error", "\u2013", "137 \u00b5m", "at most 300 \u00b5m", "goal met", ""},
+        {"5.4", "depth", "249 \u00b5m", "109 \u00b5m", "\u00b1 177 \u00b5m", "reproduced", ""},
+        {"5.4", "width", "1 mm", "2 mm", "\u00b1 0.1 mm", "differs", "why"}}});
+  recorder.event(Time{0}, "headline", "Square followed to 150 \u00b5m");
+  recorder.event(Time{1}, "headline", "Square followed to 137 \u00b5m");
+  recorder.finish({Outcome::completed, "", 60, 8});
+  const std::string page = test::read_file(recorder.folder() / "report.html");
+  EXPECT_TRUE(contains(page, "<h1>Square followed to 137 \u00b5m</h1>")) << "the last one counts";
+  const std::size_t number = page.find(">137 <small>\u00b5m"), first = page.find("goal met");
+  ASSERT_NE(number, std::string::npos);
+  EXPECT_LT(page.find("<h1>"), number);
+  EXPECT_LT(number, first);
+  EXPECT_LT(first, page.find("class=\"facts\"")) << "who and when stand at the foot";
+  EXPECT_TRUE(contains(page, "1 differs, 1 goal met, 1 reproduced.")) << "counted apart";
+  EXPECT_TRUE(contains(page, "<b class=\"verdict bad\">differs</b>"));
+  EXPECT_TRUE(contains(page, "<b class=\"verdict good\">goal met</b><br>at most 300"));
+}
+
+TEST_F(Report, OfAFailedRunSaysWhatFailedAndWhatIsKept) {
+  test::ReportedRecorder recorder(parent_.path(), test::servo_start());
+  recorder.event(Time{0}, "headline", "Square followed to 137 \u00b5m");
+  recorder.sample(recorder.add_stream({"servo", "", {{"x", "m"}}}), Time{0}, std::array{1.0});
+  recorder.finish({Outcome::failed, "the robot was lost", 60, 8});
+  const std::string page = test::read_file(recorder.folder() / "report.html");
+  EXPECT_TRUE(contains(page, "figure 6.5: failed</h1>")) << "no success is told";
+  EXPECT_TRUE(contains(page, "the robot was lost"));
+  EXPECT_TRUE(contains(page, "Kept: 1 samples in 1 streams"));
+}
+
+TEST_F(Report, ItsScriptIsSmallAndTheOnlyOneThatMayRun) {
+  EXPECT_LE(report_script().size(), 30000U);
+  const std::string page =
+      filled_page({.title = "t", .sections = "<script>1</script>", .foot = ""});
+  const std::size_t at = page.find("script-src 'sha256-");
+  ASSERT_NE(at, std::string::npos);
+  EXPECT_EQ(page[at + 19 + 44], '\'') << "32 bytes in base64, and nothing beside them";
+}
+
+TEST_F(Report, EachPlotBringsItsDataWholeInTheAxesUnits) {
+  Plot plot{"Error",
+            {"time", "s"},
+            {"error", "um"},
+            false,
+            {{"a", {0, 1}, {0, 1e-6}, Mark::points, {2e-7, 2e-7}}},
+            ""};
+  plot.series.push_back(
+      {"b, of x", {0, 1}, {std::numeric_limits<double>::quiet_NaN(), 3e-6}, Mark::line});
+  const std::string csv = plot_csv(plot);
+  EXPECT_EQ(
+      csv, "series,time (s),error (\u00b5m),half bar\n0,0,0,0.2\n0,1,1,0.2\n1,0,,\n1,1,3,\n");
+  test::ReportedRecorder recorder(parent_.path(), test::servo_start());
+  recorder.plot(plot);
+  const std::string page = report_html(recorder);
+  const std::vector<unsigned char> bytes(csv.begin(), csv.end());
+  EXPECT_TRUE(contains(page, "href=\"data:text/csv;base64," + base64(bytes) + "\""));
+}
+
+TEST_F(Report, APlotComesBackFromTheRecordWithAllThatItHas) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Plot plot{"Error",
+            {"field", "mT", true},
+            {"error", "um"},
+            false,
+            {{"a", {1, 2}, {3, 4}, Mark::points, {5, 6}}},
+            ""};
+  plot.expected = {{"goal", -kInfinity, 3e-4}};
+  plot.annotations = {{"here", 1}, {"there", 2, 3}};
+  const Plot back = plot_from_json(plot_json(plot));
+  EXPECT_TRUE(back.x.logarithmic);
+  EXPECT_FALSE(back.y.logarithmic);
+  EXPECT_EQ(back.series[0].spread, plot.series[0].spread);
+  EXPECT_EQ(back.expected[0].low, -kInfinity);
+  EXPECT_EQ(back.expected[0].high, 3e-4);
+  EXPECT_TRUE(std::isnan(back.annotations[0].y));
+  EXPECT_EQ(back.annotations[1].y, 3);
+  EXPECT_EQ(plot_json(back), plot_json(plot));
 }
 
 }  // namespace

@@ -151,6 +151,20 @@ TEST_F(LiveViewTest, WhatWasReadBackAfterAStopIsShownAndStaysAtTheEnd) {
   EXPECT_NE(last.find(R"("ended":"stopped")"), std::string::npos) << last;
 }
 
+// The page's cursor, ruler and scale bar: by the model, and for who only looks on, too.
+TEST_F(LiveViewTest, PositionsUnderPixelsAreToldToEveryViewerAndAreNullWhereNothingShows) {
+  const auto viewer = join();
+  const std::string told =
+      ask(*viewer,
+          R"({"do": "where", "id": 7, "camera": "top_camera", "z": 0, "points": [[691.5, 517.5], [1e7, 0]]})",
+          R"("where":)");
+  EXPECT_NE(told.find(R"("id":7)"), std::string::npos) << told;
+  EXPECT_NE(told.find("],null]"), std::string::npos) << told;
+  EXPECT_NE(ask(*viewer, R"({"do": "where", "camera": "side_camera", "points": []})", "refused"),
+            "");
+  EXPECT_FALSE(session.targets.take()) << "to ask is not to aim";
+}
+
 TEST_F(LiveViewTest, WhoeverSeesItMayStopIt) {
   const auto first = join(), second = join();
   EXPECT_NE(ask(*first, R"({"do": "take"})", R"({"done":"take"})"), "");

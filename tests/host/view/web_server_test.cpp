@@ -32,6 +32,9 @@ struct Live : testing::Test {
                 },
                 [this] {
                   if (flood > 0 && last > 0) server_pointer()->send(last, std::string(200000, 'x'));
+                },
+                [](std::string_view path) {
+                  return std::string(path == "/report" ? "<h1>report</h1>" : "");
                 }}) {}
   WebServer* server_pointer() { return &server; }
   std::string host() const { return "127.0.0.1:" + std::to_string(server.port()); }
@@ -73,6 +76,15 @@ struct Live : testing::Test {
   std::string received;
   WebServer server;
 };
+
+TEST_F(Live, ADocumentThatIsMadeMeanwhileIsForThoseWhoWereAdmittedAndLoadsNothing) {
+  EXPECT_EQ(status(get("/report")), 403);
+  const std::string reply = get("/report", "Cookie: " + cookie() + "\r\n");
+  EXPECT_EQ(status(reply), 200);
+  EXPECT_NE(reply.find("<h1>report</h1>"), std::string::npos);
+  EXPECT_NE(reply.find("default-src 'none'"), std::string::npos) << reply;
+  EXPECT_EQ(status(get("/reports", "Cookie: " + cookie() + "\r\n")), 404);
+}
 
 TEST_F(Live, ListensAtTheLoopbackAddressAlone) {
   const auto reached = [this](const char* at) {

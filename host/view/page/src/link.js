@@ -15,7 +15,16 @@ export function createStore() {
     lines: [],
     depth: null, // that was asked for here, m, until the loop has it
     note: '', // what was refused, or done, last
-    frames: {}, // slot: { number, time, width, height, bitmap }
+    noted: 0, // when, ms of performance.now()
+    stopAsked: null, // s of the experiment
+    lostAt: null, // when the connection was lost, ms of performance.now()
+    where: null, // the newest answer to "where": { id, places: [[x, y, z] or null, ...] }
+    report: null, // where the report is served after the end
+    frames: {}, // slot: { number, time, width, height, bitmap, arrived, rate }
+    say(note) {
+      store.note = note;
+      store.noted = performance.now();
+    },
     listen(call) {
       listeners.add(call);
       return () => listeners.delete(call);
@@ -46,6 +55,9 @@ function take(store, message) {
   if (message.time !== undefined) store.time = message.time;
   if (message.cameras) store.cameras = message.cameras;
   if (message.status) store.status = message.status;
+  if (store.stopAsked === null && /stop/.test(message.status?.phase ?? '')) store.stopAsked = store.time;
+  if (message.where) store.where = { id: message.id, places: message.where };
+  if (message.report) store.report = message.report;
   if (message.rest) store.rest = message.rest;
   for (const [name, part] of Object.entries(message.streams ?? {})) {
     const held = (store.streams[name] ??= { channels: {}, rows: [] });
@@ -59,12 +71,12 @@ function take(store, message) {
   }
   if (store.lines.length > 300) store.lines.splice(0, store.lines.length - 300);
   if (message.refused) {
-    store.note = `refused: ${message.refused}`;
+    store.say(`refused: ${message.refused}`);
     store.depth = null;
   }
-  if (message.target) store.note = `target ${message.target.map((v) => (Math.round(v * 1e5) / 100 + 0).toFixed(2)).join(', ')} mm`;
-  if (message.invitation) store.note = message.invitation;
-  if (message.done) store.note = '';
+  if (message.target) store.say(`target ${message.target.map((v) => (Math.round(v * 1e5) / 100 + 0).toFixed(2)).join(', ')} mm`);
+  if (message.invitation) store.say(message.invitation);
+  if (message.done) store.say('');
 }
 
 async function takeFrame(store, buffer) {
@@ -77,7 +89,11 @@ async function takeFrame(store, buffer) {
     height: view.getUint32(20, true),
   };
   frame.bitmap = await createImageBitmap(new Blob([buffer.slice(24)], { type: 'image/jpeg' }));
-  store.frames[frame.slot]?.bitmap.close();
+  const before = store.frames[frame.slot];
+  frame.arrived = performance.now();
+  const period = before ? (frame.time - before.time) / Math.max(1, frame.number - before.number) : null;
+  frame.rate = period > 0 ? (before.rate ? 0.9 * before.rate + 0.1 / period : 1 / period) : null;
+  before?.bitmap.close();
   store.frames[frame.slot] = frame;
   store.tell();
 }
@@ -87,23 +103,24 @@ export function connect(store) {
   const socket = new WebSocket(`ws://${location.host}/live`);
   socket.binaryType = 'arraybuffer';
   socket.onopen = () => {
-    store.connected = true;
     store.streams = {};
     store.lines = [];
-    store.tell();
   };
   socket.onmessage = (event) => {
+    store.connected = true; // by what comes, not by a door that opens and shuts
+    store.lostAt = null;
     if (typeof event.data !== 'string') return takeFrame(store, event.data);
     take(store, JSON.parse(event.data));
     store.tell();
   };
   socket.onclose = () => {
     store.connected = false;
+    store.lostAt ??= performance.now();
     store.tell();
     if (store.ended === null) setTimeout(() => connect(store), 1000);
   };
   store.send = (message) => {
     if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
-    else store.note = 'not connected: nothing was sent';
+    else store.say('refused: not connected, nothing was sent');
   };
 }

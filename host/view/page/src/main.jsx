@@ -1,88 +1,119 @@
 // The live view of a run.
 import { render } from 'preact';
-import { useEffect, useReducer, useState } from 'preact/hooks';
-import { CameraView } from './camera.jsx';
-import { DepthBar } from './depth.jsx';
-import { connect, createStore, named, newest } from './link.js';
-import { Alarms, Asked, Coils, Head, Log } from './panels.jsx';
-import { Plot } from './plot.jsx';
+import { useEffect, useReducer, useRef, useState } from 'preact/hooks';
+import { Depth, clearanceOf, levelOf } from './depth.jsx';
+import { Eye } from './eye.jsx';
+import { Head, Stop } from './head.jsx';
+import { connect, createStore, newest } from './link.js';
+import { Message } from './message.jsx';
+import { Coils, Log, Positions } from './panels.jsx';
+import { ClearancePlot, ErrorPlot } from './plots.jsx';
+import { Section } from './section.jsx';
+import { sound, tone } from './sound.js';
+import { openAlarms, stateOf } from './words.js';
 import './style.css';
 
 const store = createStore();
 connect(store);
+const kTabs = [['depth', 'Depth'], ['plots', 'Plots'], ['coils', 'Coils'], ['log', 'Log']];
 
-const difference = (a, b) => (a === null || b === null ? null : (a - b) * 1e6);
-const kErrors = [
-  { name: 'x', color: '#56b4e9', of: (r) => difference(r.x, r.target_x) },
-  { name: 'y', color: '#f0e442', of: (r) => difference(r.y, r.target_y) },
-  { name: 'z', color: '#d55e00', of: (r) => difference(r.z, r.target_z) },
-];
-const kDepth = [
-  { name: 'z', color: '#56b4e9', of: (r) => (r.z === null ? null : r.z * 1e3) },
-  { name: 'target', color: '#e69f00', dash: [6, 4], of: (r) => (r.target_z === null ? null : r.target_z * 1e3) },
-];
+const themeNow = () => document.documentElement.dataset.theme ?? 'dark';
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+  try { localStorage.setItem('vitreo-theme', theme); } catch { /* private window: for this page only */ }
+}
+try { setTheme(localStorage.getItem('vitreo-theme') ?? 'dark'); } catch { setTheme('dark'); }
+
+/** Announces questions and alarms: the window's title, a tone. */
+function useNotice(alarms, question) {
+  const worst = alarms.find((alarm) => !alarm.acknowledged_by);
+  useEffect(() => { if (worst) tone(worst.priority === 'high' ? 880 : 660, worst.priority === 'high' ? 3 : 2); }, [worst?.name]);
+  useEffect(() => { if (question) tone(523); }, [question?.number]);
+  document.title = `${worst ? '(!) ' : question ? '(?) ' : ''}${store.hello?.title ?? 'Vitreo live view'}`;
+}
 
 function Page() {
-  const [, again] = useReducer((n) => n + 1, 0);
-  const [zero, setZero] = useState(0);
+  const [, again] = useReducer((n) => n + 1, 0), [zero, setZero] = useState(0), [tab, setTab] = useState('depth'), hooks = useRef({});
   useEffect(() => {
     let due = false;
-    return store.listen(() => {
+    const draw = () => {
       if (due) return;
       due = true;
       requestAnimationFrame(() => ((due = false), again()));
-    });
+    };
+    const clock = setInterval(draw, 500); // ages grow, notes go, though nothing comes
+    const deaf = store.listen(draw);
+    return () => (clearInterval(clock), deaf());
   }, []);
 
   // The depth that was asked for here is shown until the loop has it: from then on it follows the loop's, which a SpaceMouse or
-  // the script may move, too.
-  const aimed = newest(store, 'servo')?.target_z ?? null;
-  // It is the store's, not the page's state: a key that repeats is faster than what is drawn.
-  if (store.depth !== null && aimed !== null && Math.abs(aimed - store.depth) < 1e-6) store.depth = null;
-  const { depth } = store;
-
-  const setDepth = (z) => {
-    store.depth = z;
+  // the script may move, too. It is the store's, not the page's state: a key that repeats is faster than what is drawn.
+  const row = newest(store, 'servo');
+  if (store.depth !== null && row?.target_z != null && Math.abs(row.target_z - store.depth) < 1e-6) store.depth = null;
+  const jog = (by) => {
+    if (!row) return;
+    store.depth = (store.depth ?? row.target_z ?? 0) + by;
     again();
-    const row = newest(store, 'servo');
-    if (row) store.send({ do: 'target', place: [row.target_x, row.target_y, z] });
+    store.send({ do: 'target', place: [row.target_x, row.target_y, store.depth] });
   };
-  const jog = (by) => setDepth((store.depth ?? newest(store, 'servo')?.target_z ?? 0) + by);
+  const acts = {
+    zero: () => row?.z != null && setZero(row.z),
+    theme: () => setTheme(themeNow() === 'dark' ? 'light' : 'dark'),
+    sound: { on: sound.on, toggle: () => (sound.toggle(), again()) },
+  };
+  const pause = () => store.send({ do: ['paused', 'suspended'].includes(store.status.phase) ? 'resume' : 'pause' });
+  const seen = () => { const [alarm] = openAlarms(store); if (alarm) store.send({ do: 'ack', alarm: alarm.name }); };
+  const keys = {
+    t: () => hooks.current.setTool('aim'), h: () => hooks.current.setTool('pan'), m: () => hooks.current.setTool('measure'), f: () => hooks.current.setTool('mark'),
+    '+': () => hooks.current.zoom(1.5), '-': () => hooks.current.zoom(1 / 1.5), 0: () => hooks.current.zoom(0), c: () => hooks.current.contrast(), s: () => hooks.current.snapshot(),
+    z: acts.zero, p: pause, a: seen, q: () => (document.querySelector('#to-question')?.click(), document.querySelector('#question input, #question button')?.focus()),
+    '?': () => document.querySelector('#more').click(), Escape: () => hooks.current.setTool('aim'),
+  };
   useEffect(() => {
     const press = (event) => {
-      if (event.target instanceof HTMLInputElement) return;
-      if (event.code === 'Space') {
+      const typing = event.target instanceof HTMLInputElement && event.target.type !== 'range';
+      if (event.code === 'Space' && (!typing || event.shiftKey)) {
         event.preventDefault();
-        store.send({ do: 'stop' });
-      } else if ((event.key === 'ArrowUp' || event.key === 'ArrowDown') && store.status.control === 'mine') {
-        event.preventDefault();
-        jog(event.key === 'ArrowUp' ? 0.1e-3 : -0.1e-3);
+        if (store.ended === null) store.send({ do: stateOf(store).kind === 'stopping' ? 'abort' : 'stop' });
+        return;
       }
+      if (typing || event.ctrlKey || event.metaKey || event.altKey || event.target instanceof HTMLSelectElement) return;
+      const steers = store.status.control === 'mine' && store.ended === null;
+      const step = { ArrowUp: 1, ArrowDown: -1 }[event.key], call = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+      if (step && steers) jog(step * (event.shiftKey ? 0.01e-3 : 0.1e-3));
+      else if (!call || (event.key === 'p' && !steers)) return;
+      else call();
+      event.preventDefault();
     };
     addEventListener('keydown', press, true);
     return () => removeEventListener('keydown', press, true);
   });
 
-  const held = store.streams.servo;
-  const rows = held ? held.rows.map((row) => named(held, row)) : [];
-  const slots = store.cameras.map((camera, slot) => ({ camera, slot })).sort((a, b) => (a.camera === 'top_camera' ? -1 : b.camera === 'top_camera' ? 1 : 0));
+  const top = store.cameras.indexOf('top_camera'), side = store.cameras.indexOf('side_camera');
+  const slot = top >= 0 ? top : store.cameras.findIndex((name) => name !== 'side_camera'), frame = store.frames[slot];
+  const level = levelOf(clearanceOf(store), store.hello?.geometry.margin ?? 0), stale = !store.connected && store.ended === null && store.hello;
+  useNotice(openAlarms(store), store.status.question);
   return (
-    <main class={store.connected ? '' : 'stale'}>
-      <Head store={store} />
-      <div class="pictures">
-        {slots.map(({ camera, slot }) => <CameraView key={camera} store={store} camera={camera} slot={slot} depth={depth} />)}
-        {slots.length === 0 ? <p class="quiet">no camera yet</p> : null}
+    <main class={`${stale ? 'stale' : ''} ${store.ended !== null ? 'ended' : ''} ${level === 'margin' && store.ended === null ? 'margin' : ''}`} data-tab={tab}
+      style={frame ? { '--aspect': frame.width / frame.height } : undefined}>
+      <Head store={store} acts={acts} />
+      <Message store={store} />
+      <Stop store={store} />
+      <Eye store={store} slot={slot} hooks={hooks} />
+      <Depth store={store} zero={zero} jog={jog} />
+      <div class="sidebar">
+        <Section store={store} slot={side} />
+        <div class="rest-area">
+          <Positions store={store} zero={zero} />
+          <ClearancePlot store={store} />
+          <ErrorPlot store={store} />
+          <Coils store={store} />
+          <Log store={store} />
+        </div>
       </div>
-      <DepthBar store={store} zero={zero} setZero={setZero} depth={depth} jog={jog} />
-      <aside>
-        <Alarms store={store} />
-        <Asked store={store} />
-        {store.note ? <p class="note" id="note">{store.note}</p> : null}
-        <Coils store={store} />
-        <Plot title="Error" unit="µm" series={kErrors} rows={rows} />
-        <Plot title="Depth" unit="mm" series={kDepth} rows={rows} />
-        <Log store={store} />
-      </aside>
+      <nav class="tabs" role="tablist">
+        {kTabs.map(([name, title]) => <button role="tab" aria-selected={tab === name} onClick={() => setTab(name)}>{title}</button>)}
+      </nav>
     </main>
   );
 }

@@ -1,141 +1,66 @@
-// State and ending, questions, coils, log.
-import { useState } from 'preact/hooks';
+// Positions, coils and log.
 import { formatNumber, formatQuantity, showColumn } from './format.js';
 import { newest } from './link.js';
+import { mm } from './depth.jsx';
+import { gathered, restWords } from './words.js';
 
-export function Head({ store }) {
-  const { hello, status, connected, ended } = store;
-  const known = status.progress > 0;
-  const state = ended !== null ? `ended: ${ended}` : connected ? status.text ?? '…' : 'not connected';
+export function Positions({ store, zero }) {
+  const row = newest(store, 'servo');
+  const cells = (of) => ['x', 'y', 'z'].map((axis) => <td>{row ? of(axis) ?? '–' : '–'}</td>);
+  const off = { x: 0, y: 0, z: zero };
+  const micrometers = (a, b) => (a === null || b === null ? null : String(Math.round((a - b) * 1e6) + 0).replace('-', '−'));
   return (
-    <header>
-      <div class="name">
-        <h1>{hello?.title ?? 'Vitreo'}</h1>
-        <p class="quiet">{hello ? `${hello.run}${hello.operator ? ` · ${hello.operator}` : ''}` : ''}</p>
-      </div>
-      <div class="state" id="state" role="status" title={state}>{state}</div>
-      <div class="progress">
-        <progress value={status.progress ?? 0} max="1" aria-label="progress" />
-        <span>{known ? `${(status.progress * 100).toFixed(0)} % · ` : ''}{status.doing ?? ''} {store.time.toFixed(1)} s{remaining(status)}</span>
-      </div>
-      <Control store={store} />
-      <button id="stop" class="stop" onClick={() => store.send({ do: 'stop' })} disabled={ended !== null}>STOP <kbd>space</kbd></button>
-    </header>
-  );
-}
-
-function remaining({ remaining: left }) {
-  if (left == null || left < 0) return '';
-  return `, ${formatQuantity(left, 's', 2)} left`;
-}
-
-function Control({ store }) {
-  const { control, phase } = store.status;
-  const mine = control === 'mine';
-  return (
-    <div class="control">
-      <button id="take" onClick={() => store.send({ do: mine ? 'release' : 'take' })} disabled={control === 'taken'}>
-        {mine ? 'release control' : control === 'taken' ? 'another has control' : 'take control'}
-      </button>
-      <button disabled={!mine} onClick={() => store.send({ do: phase === 'paused' ? 'resume' : 'pause' })}>
-        {phase === 'paused' ? 'resume' : 'pause'}
-      </button>
-      <button disabled={!mine} onClick={() => store.send({ do: 'invite' })} title="an address for one more viewer">invite</button>
-      <button class="abort" onClick={() => store.send({ do: 'abort' })}>abort</button>
-    </div>
-  );
-}
-
-export function Alarms({ store }) {
-  const alarms = store.status.alarms ?? [];
-  if (alarms.length === 0) return null;
-  const mine = store.status.control === 'mine';
-  return (
-    <section class="alarms" role="alert">
-      {alarms.map((alarm) => (
-        <p class={alarm.priority}>
-          <b>{alarm.priority}</b> {alarm.name}: {alarm.text}{alarm.active ? '' : ' (over)'}
-          {alarm.acknowledged_by
-            ? <span class="quiet"> seen by {alarm.acknowledged_by}</span>
-            : <button disabled={!mine} onClick={() => store.send({ do: 'ack', alarm: alarm.name })}>seen</button>}
-        </p>
-      ))}
-    </section>
-  );
-}
-
-export function Asked({ store }) {
-  const [text, setText] = useState('');
-  const question = store.status.question;
-  if (!question) return null;
-  const answer = (value) => {
-    store.send({ do: 'answer', text: value });
-    setText('');
-  };
-  const mine = store.status.control === 'mine';
-  const words = question.choices?.length ? question.choices : null;
-  return (
-    <section class="asked" id="question">
-      <p>{question.text}</p>
-      {words
-        ? words.map((word) => <button disabled={!mine} onClick={() => answer(word)}>{word}</button>)
-        : <form onSubmit={(event) => (event.preventDefault(), answer(text))}>
-            <input value={text} disabled={!mine} onInput={(event) => setText(event.target.value)} aria-label="answer" />
-            <button disabled={!mine}>answer</button>
-          </form>}
-      {mine ? null : <p class="quiet">take control to answer</p>}
+    <section class="panel positions">
+      <table>
+        <thead><tr><th>{zero === 0 ? 'mm' : 'mm, z from zero'}</th><th scope="col">x</th><th scope="col">y</th><th scope="col">z</th></tr></thead>
+        <tbody>
+          <tr class="robot"><th scope="row">Robot</th>{cells((axis) => (row[axis] === null ? null : mm(row[axis] - off[axis])))}</tr>
+          <tr><th scope="row">Target</th>{cells((axis) => (row[`target_${axis}`] === null ? null : mm(row[`target_${axis}`] - off[axis])))}</tr>
+          <tr><th scope="row">Error, µm</th>{cells((axis) => micrometers(row[axis], row[`target_${axis}`]))}</tr>
+        </tbody>
+      </table>
     </section>
   );
 }
 
 export function Coils({ store }) {
   const currents = newest(store, 'currents'), warm = newest(store, 'coil_temperature'), servo = newest(store, 'servo');
-  const limit = store.hello?.geometry.current_limit ?? 20;
-  const field = store.status.field;
+  const limit = store.hello?.geometry.current_limit ?? 20, { field } = store.status;
   // What was sent last no longer flows once the coils were made safe.
   const rest = store.rest && store.rest.t >= (currents?.t ?? 0) ? store.rest : null;
   const names = currents ? Object.keys(currents).filter((name) => name !== 't') : [];
-  const temperatures = warm ? showColumn(Object.values(warm).slice(1), 'K', 2) : null;
+  const hottest = warm ? showColumn([Math.max(...Object.values(warm).slice(1))], 'K', 2) : null;
+  const room = servo?.headroom != null ? `headroom ${(servo.headroom * 100).toFixed(0)} % of ${limit} A${servo.limited ? ', LIMITED' : ''}` : `limit ${limit} A`;
+  const said = rest ? (restWords(store)?.zero ? (rest.amperes ? '0 A, read back' : '0 A, set') : 'NOT at zero') : names.length ? room : 'no currents yet';
   return (
-    <section class="coils">
-      <h2>Coils</h2>
-      {names.map((name, i) => {
-        const current = rest ? (rest.amperes?.[i] ?? null) : currents[name];
-        const share = Math.max(-1, Math.min(1, (current ?? 0) / limit));
-        return (
-          <div class="coil">
-            <span>{i + 1}</span>
-            <svg viewBox="-100 0 200 12" preserveAspectRatio="none" aria-hidden="true">
-              <rect x="-100" width="200" height="12" class="trough" />
-              <rect x={Math.min(0, share * 100)} width={Math.abs(share) * 100} height="12" class={Math.abs(share) > 0.9 ? 'full' : 'part'} />
-              <line x1="0" x2="0" y1="0" y2="12" class="middle" />
-            </svg>
-            <span class="value">{current == null ? '–' : `${current.toFixed(2)} A`}</span>
-            <span class="value">{temperatures ? `${temperatures.numbers[i]} ${temperatures.unit}` : ''}</span>
-          </div>
-        );
-      })}
-      {rest ? <p class="rest">{rest.text}</p> : null}
-      <p class="quiet">
-        {names.length ? `headroom ${servo?.headroom != null ? (servo.headroom * 100).toFixed(0) : '–'} % of ${limit} A${servo?.limited ? ' · LIMITED' : ''}` : 'no currents yet'}
-      </p>
-      {field ? <Field field={field} /> : null}
+    <section class="panel coils">
+      <h2>Coils <span class="quiet">{said}</span>
+        <span class="quiet right number">{field && !rest ? `${formatQuantity(field.tesla, 'T')} ` : ''}{hottest ? `${field && !rest ? '· ' : ''}${hottest.numbers[0]} ${hottest.unit}` : ''}</span>
+        {field && !rest ? <Field direction={field.direction} /> : null}</h2>
+      <div class="row">
+        {names.map((name, i) => {
+          const current = rest ? (rest.amperes?.[i] ?? null) : currents[name], share = Math.max(-1, Math.min(1, (current ?? 0) / limit));
+          return (
+            <div class="coil">
+              <svg viewBox="0 0 12 100" preserveAspectRatio="none" aria-hidden="true"><rect width="12" height="100" fill="var(--control)" />
+                <rect y={share > 0 ? 50 - 50 * share : 50} width="12" height={Math.max(2, Math.abs(share) * 50)} fill={Math.abs(share) > 0.9 ? 'var(--high)' : 'var(--accent)'} /></svg>
+              <span class="value">{current == null ? '–' : (Math.abs(current) < 0.005 ? '0' : current.toFixed(2)).replace('-', '−')}</span>
+              <span class="quiet">{i + 1}</span>
+            </div>
+          );
+        })}
+      </div>
     </section>
   );
 }
 
-/** The field's direction from above (x, y) and its tilt (z). */
-function Field({ field }) {
-  const [x, y, z] = field.direction;
+/** The field's direction from above; the tip is filled where it points up. */
+function Field({ direction: [x, y, z] }) {
   return (
-    <div class="field">
-      <svg viewBox="-50 -50 100 100" role="img" aria-label="field direction">
-        <circle r="46" class="trough" />
-        <line x1="0" y1="0" x2={x * 42} y2={-y * 42} class="arrow" />
-        <circle cx={x * 42} cy={-y * 42} r="5" class={z >= 0 ? 'tip up' : 'tip'} />
-      </svg>
-      <p>{formatQuantity(field.tesla, 'T')}<br /><span class="quiet">tilt {Math.round((Math.asin(z) * 180) / Math.PI) + 0}°</span></p>
-    </div>
+    <svg viewBox="-10 -10 20 20" width="20" height="20" role="img" aria-label="field direction from above">
+      <circle r="9" fill="none" stroke="var(--edge)" /><line x2={x * 8} y2={-y * 8} stroke="var(--medium)" stroke-width="2" />
+      <circle cx={x * 8} cy={-y * 8} r="2" fill={z >= 0 ? 'var(--medium)' : 'var(--panel)'} stroke="var(--medium)" />
+    </svg>
   );
 }
 
@@ -146,7 +71,7 @@ function plain(text) {
     if (typeof value === 'number') return formatNumber(value, 4);
     if (value === null || typeof value !== 'object') return String(value);
     if (Array.isArray(value)) return `(${value.map(said).join(', ')})`;
-    return Object.entries(value).map(([key, inner]) => `${key} = ${said(inner)}`).join(', ');
+    return Object.entries(value).map(([key, inner]) => `${key.replaceAll('_', ' ')} ${said(inner)}`).join(', ');
   };
   try {
     return said(JSON.parse(text));
@@ -156,12 +81,13 @@ function plain(text) {
 }
 
 export function Log({ store }) {
+  const groups = gathered(store.lines);
   return (
-    <section class="log">
-      <h2>Log</h2>
+    <section class="panel log">
+      <h2>Log <span class="quiet right">{groups.length} lines</span></h2>
       <ol>
-        {store.lines.slice(-80).reverse().map((line) => (
-          <li class={line.kind}><time>{line.t.toFixed(1)} s</time> {line.kind === 'message' ? '' : `${line.kind}: `}{plain(line.text)}</li>
+        {groups.slice(-80).reverse().map((line) => (
+          <li class={line.kind}><time>{line.t.toFixed(1)} s</time><span>{line.kind === 'message' || line.kind === 'note' ? '' : `${line.kind.replaceAll('_', ' ')}: `}{plain(line.text)}{line.times > 1 ? <span class="quiet"> × {line.times}</span> : null}</span></li>
         ))}
       </ol>
     </section>

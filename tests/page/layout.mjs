@@ -1,0 +1,186 @@
+// The live view's page at six sizes and in every state of a run: the places of its parts, what its message line says, its tools,
+// both themes. Prints one JSON object: "failed", sentences, empty when all is right. Arguments: the folder of the page's files,
+// a folder for pictures ("-": none), the browser's program.
+// SPDX-License-Identifier: Apache-2.0
+import { chromium } from 'playwright-core';
+import { open, states } from './scene.mjs';
+
+const [, , files, pictures, executablePath] = process.argv;
+const failed = [];
+const expect = (holds, sentence) => { if (!holds) failed.push(sentence); };
+const sizes = [[390, 844], [768, 1024], [1024, 768], [1366, 768], [1920, 1080], [2560, 1440]];
+
+// x, y, w, h in CSS px (docs/live_view.md, Layout); 2560x1440 is 1920x1080 times 4/3.
+const kPlaces = {
+  '390x844': { header: [6, 0, 378, 48], message: [6, 54, 378, 56], stop: [6, 770, 378, 68], eye: [0, 116, 390, 286], section: [144, 476, 170, 238] },
+  '768x1024': { header: [8, 8, 612, 52], message: [8, 68, 612, 56], stop: [628, 8, 132, 116], eye: [8, 132, 752, 563], depth: [8, 703, 272, 213], section: [288, 703, 472, 213] },
+  '1024x768': { header: [8, 8, 868, 52], message: [8, 68, 868, 56], stop: [884, 8, 132, 116], eye: [8, 132, 704, 527], depth: [720, 359, 296, 300], section: [720, 132, 296, 219] },
+  '1366x768': { header: [8, 8, 1202, 52], message: [8, 68, 1202, 52], stop: [1218, 8, 140, 112], eye: [8, 128, 844, 632], depth: [860, 128, 160, 632], section: [1028, 128, 330, 254] },
+  '1920x1080': { header: [8, 8, 1720, 60], message: [8, 76, 1720, 56], stop: [1736, 8, 176, 124], eye: [8, 140, 1244, 931], depth: [1260, 140, 208, 932], section: [1476, 140, 436, 335] },
+};
+kPlaces['2560x1440'] = Object.fromEntries(Object.entries(kPlaces['1920x1080']).map(([part, box]) => [part, box.map((v) => (v * 4) / 3)]));
+const kParts = { header: 'header', message: '.message', stop: '#stop, #rested', eye: '.eye', depth: '.depth', section: '.section' };
+const kTolerance = 2; // px
+
+const boxes = (page) => page.evaluate((parts) => Object.fromEntries(Object.entries(parts).map(([name, query]) => {
+  const { x, y, width, height } = document.querySelector(query).getBoundingClientRect();
+  return [name, [x, y, width, height]];
+})), kParts);
+const text = (page, query) => page.evaluate((q) => document.querySelector(q)?.textContent ?? '', query);
+const near = (a, b) => a.every((value, i) => Math.abs(value - b[i]) <= kTolerance);
+
+/** Elements whose words are cut, or that stick out of the window; buttons and words that another element covers. */
+const flaws = (page) => page.evaluate(() => {
+  const found = [], seen = (element) => element.getClientRects().length > 0 && getComputedStyle(element).visibility !== 'hidden';
+  for (const element of document.querySelectorAll('header button, .state span, .message b, .message button, .word, .bound, .tiny, .jog button, .panel h2, .positions td, .coil span, #stop, .chip, .rested')) {
+    if (!seen(element)) continue;
+    const box = element.getBoundingClientRect(), name = `${element.className || element.id || element.tagName} "${element.textContent.slice(0, 30)}"`;
+    if (box.left < -1 || box.top < -1 || box.right > innerWidth + 1 || box.bottom > innerHeight + 1) found.push(`${name} is out of the window`);
+    if (element.scrollWidth > element.clientWidth + 2 && getComputedStyle(element).display !== 'inline') found.push(`${name} is cut`);
+    if (getComputedStyle(element.parentElement).position === 'fixed') continue; // the phone's sheet
+    const panel = element.closest('.panel, header, .message')?.getBoundingClientRect();
+    if (panel?.width && (box.right > panel.right + 1 || box.bottom > panel.bottom + 1)) found.push(`${name} leaves its panel`);
+    if (element.tagName !== 'BUTTON') continue;
+    const top = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+    if (!element.contains(top)) found.push(`${name} is covered by ${top?.className || top?.tagName}`);
+    if (box.height < 31.5) found.push(`${name} is ${box.height} px high`);
+  }
+  if (document.scrollingElement.scrollHeight > innerHeight + 1) found.push('the page scrolls');
+  return found;
+});
+
+async function atEverySize(browser) {
+  const shares = {};
+  for (const [width, height] of sizes) {
+    const size = `${width}x${height}`;
+    let usual = null;
+    const page = await open(browser, files, 'running', { width, height });
+    page.on('pageerror', (error) => failed.push(`${size}: ${error}`));
+    for (const name of ['running', 'question', 'choices', 'watching', 'alarm', 'ended']) {
+      await page.turn(name);
+      const found = await boxes(page);
+      usual ??= found;
+      for (const [part, box] of Object.entries(kPlaces[size]))
+        expect(near(found[part], box), `${size} ${name}: ${part} is at ${found[part].map((v) => v.toFixed(0))}, not ${box.map((v) => v.toFixed(0))}`);
+      for (const part of ['eye', 'stop', 'message'])
+        expect(JSON.stringify(found[part]) === JSON.stringify(usual[part]), `${size}: ${part} moves when the state is ${name}`);
+      for (const flaw of await flaws(page)) failed.push(`${size} ${name}: ${flaw}`);
+      if (name === 'running') shares[size] = (found.eye[2] * found.eye[3]) / (width * height);
+      if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_${name}_${size}.png` });
+    }
+    await page.close();
+  }
+  for (const size of ['1366x768', '1920x1080']) expect(shares[size] >= 0.45, `${size}: the eye takes ${(shares[size] * 100).toFixed(1)} %`);
+  return shares;
+}
+
+const kSays = {
+  idle: /Nothing runs yet/, question: /How long is this eye/, alarm: /!!!.*0\.31 mm from the retina/, medium: /!!.*Coil 3 is warm/, lost: /was not seen for/,
+  paused: /Paused.*Resume/, watching: /You watch.*Take control/, stopping: /Stopping.*STOP again: at once/, ended: /Coils 0 A, read back 0\.18 s after STOP/,
+  hot: /The coils are not at zero: 1\.20 A\. Switch them off by hand/, running: /Click a place to send the robot there/,
+};
+
+async function everyState(browser) {
+  for (const name of Object.keys(states)) {
+    const page = await open(browser, files, name, { width: 1366, height: 768 });
+    const said = await text(page, '.message'), state = await text(page, '#state');
+    expect(!kSays[name] || kSays[name].test(said), `${name}: the message line says "${said}"`);
+    expect(!/[a-z]:[a-z]/.test(state), `${name}: the state is in a script's words: "${state}"`);
+    if (name === 'running') expect((await page.locator('.log li').count()) <= 3, 'fifty jogs are fifty lines of log');
+    if (name === 'margin') {
+      expect(await page.locator('.jog button').nth(1).isDisabled(), 'at the margin the robot can be sent down');
+      expect((await page.locator('#distance').getAttribute('data-level')) === 'margin', 'at the margin the level is another');
+    }
+    if (name === 'alarm') {
+      await page.click('#to-question');
+      expect(/How long/.test(await text(page, '.message')), 'the question behind an alarm cannot be reached');
+    }
+    if (name === 'ended') {
+      const acting = await page.locator('#stop, #take, #pause, .jog button, #abort, #seen').count();
+      expect(acting === 0, `after the end ${acting} buttons act`);
+      expect((await page.locator('#report').getAttribute('href')) === '/report', 'after the end nothing leads to the report');
+      expect((await page.locator('.coil .value').allTextContents()).every((value) => Math.abs(Number(value)) < 0.05), 'after the end currents are shown');
+    }
+    await page.close();
+  }
+}
+
+async function tools(browser) {
+  const page = await open(browser, files, 'watching', { width: 1366, height: 768 });
+  const eye = await page.locator('#top_camera').boundingBox(), at = (u, v) => [eye.x + eye.width * u, eye.y + eye.height * v];
+  const targets = () => page.sent.filter((message) => message.do === 'target').length;
+  await page.mouse.click(...at(0.6, 0.4));
+  await page.waitForSelector('#note');
+  expect(/take control first/.test(await text(page, '#note')) && targets() === 0, 'a click without control says nothing');
+  await page.click('.message button');
+  expect(page.sent.some((message) => message.do === 'take'), 'the refusal offers no way out');
+  await page.close();
+
+  const other = await open(browser, files, 'running', { width: 1366, height: 768 });
+  const sentBy = (word) => other.sent.filter((message) => message.do === word);
+  await other.mouse.click(...at(0.6, 0.4));
+  const [first] = sentBy('target'), u = 0.6 * 1384 - 0.5, v = 0.4 * 1036 - 0.5;
+  expect(first && Math.abs(first.points[0][0] - u) < 3 && Math.abs(first.points[0][1] - v) < 3 && first.points.length === 1, `a click is ${JSON.stringify(first)}`);
+  await other.mouse.move(...at(0.5, 0.5)), await other.mouse.wheel(0, -300);
+  await other.mouse.move(...at(0.7, 0.7)), await other.mouse.down(), await other.mouse.move(...at(0.8, 0.8), { steps: 8 }), await other.mouse.up();
+  const path = sentBy('target')[1];
+  expect(path?.points.length > 4 && path.points[0][0] < 0.7 * 1384 - 20, `zoomed in, a drag is the path ${JSON.stringify(path?.points.slice(0, 2))}`);
+  await other.waitForSelector('#cursor');
+  expect(/x −?\d+\.\d\d {2}y −?\d+\.\d\d mm {2}at z −1\.62/.test(await text(other, '#cursor')), `the cursor says "${await text(other, '#cursor')}"`);
+  await other.keyboard.press('0'), await other.keyboard.press('c');
+  await other.waitForSelector('#light-panel rect');
+  await other.click('#light-panel button');
+  expect((await other.evaluate(() => document.querySelector('.eye canvas').style.filter)) !== 'none', 'contrast changes nothing');
+  await other.keyboard.press('c'), await other.keyboard.press('m');
+  await other.mouse.move(...at(0.3, 0.3)), await other.mouse.down(), await other.mouse.move(...at(0.4, 0.3), { steps: 4 }), await other.mouse.up();
+  expect(sentBy('where').some(({ points }) => points.length === 2 && points[0][0] < 430), 'a ruler asks for no positions');
+  const [download] = await Promise.all([other.waitForEvent('download'), other.keyboard.press('s')]);
+  expect(/steer.*\.png$/.test(download.suggestedFilename()), `a snapshot is ${download.suggestedFilename()}`);
+  await other.keyboard.press('ArrowUp');
+  expect(Math.abs(sentBy('target').at(-1).place[2] + 1.52e-3) < 1e-9, `an arrow is ${JSON.stringify(sentBy('target').at(-1))}`);
+  await other.focus('#more'), await other.keyboard.press('Space');
+  expect(sentBy('stop').length === 1, 'the space bar does not stop while a button has the focus');
+  other.drop();
+  await other.waitForFunction(() => /STOP cannot be sent/.test(document.querySelector('.message').textContent), null, { timeout: 5000 });
+  await other.close();
+}
+
+/** Contrast of two colors by WCAG 2. */
+function contrast(a, b) {
+  const light = (color) => color.map((c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4)).reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
+  const [high, low] = [light(a), light(b)].sort((p, q) => q - p);
+  return (high + 0.05) / (low + 0.05);
+}
+
+async function themes(browser) {
+  const page = await open(browser, files, 'running', { width: 1920, height: 1080 });
+  for (const theme of ['dark', 'light']) {
+    expect((await page.evaluate(() => document.documentElement.dataset.theme)) === theme, `the theme is not ${theme}`);
+    const colors = await page.evaluate(() => Object.fromEntries(['panel', 'text', 'text2', 'text3', 'accent', 'good', 'second', 'third', 'red-words', 'control', 'stop', 'primary', 'high', 'medium', 'medium-ink', 'edge'].map((name) => {
+      const hex = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+      return [name, [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16))];
+    })));
+    for (const name of ['text', 'text2', 'text3', 'accent', 'good', 'second', 'third', 'red-words'])
+      expect(contrast(colors[name], colors.panel) >= 4.5, `${theme}: ${name} on a panel has ${contrast(colors[name], colors.panel).toFixed(2)}`);
+    for (const [ink, ground] of [[[255, 255, 255], 'stop'], [[255, 255, 255], 'primary'], [[255, 255, 255], 'high'], [colors['medium-ink'], 'medium'], [colors.text, 'control']])
+      expect(contrast(ink, colors[ground]) >= 4.5, `${theme}: words on ${ground} have ${contrast(ink, colors[ground]).toFixed(2)}`);
+    expect(contrast(colors.edge, colors.panel) >= 3, `${theme}: edges have ${contrast(colors.edge, colors.panel).toFixed(2)}`);
+    if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_${theme}.png` });
+    await page.click('#more'), await page.click('#theme');
+  }
+  await page.close();
+}
+
+const browser = await chromium.launch({ executablePath, args: ['--no-sandbox'] });
+let shares = {};
+try {
+  shares = await atEverySize(browser);
+  await everyState(browser);
+  await tools(browser);
+  await themes(browser);
+} catch (error) {
+  failed.push(String(error));
+} finally {
+  await browser.close();
+}
+console.log(JSON.stringify({ failed, shares }));
