@@ -51,7 +51,7 @@ local s = require("units").s
 return { title = "Currents that change all the time", needs = { "coils" }, parameters = {},
   run = function(rig, p, run)
     local channels = #rig.coils:currents()
-    for k = 1, 2000 do -- 20 s, beyond every kill: the preflight rehearses all of it each time
+    for k = 1, 800 do -- 8 s, beyond every kill: the preflight rehearses all of it each time
       local currents = {}
       for i = 1, channels do currents[i] = 1 + 0.1 * (k % 5) end
       rig.coils:set_currents(currents)
