@@ -27,8 +27,9 @@ constexpr Time kGuardianLook = std::chrono::milliseconds(20);
 /// Commands of a script to the simulated laboratory.
 class SimulationCommands final : public Simulation {
  public:
-  SimulationCommands(sim::Laboratory& laboratory, std::uint64_t seed)
-      : laboratory_(laboratory), seed_(seed) {}
+  SimulationCommands(sim::Laboratory& laboratory, const sim::OpticsSample& bench,
+                     std::uint64_t seed)
+      : laboratory_(laboratory), bench_(bench), seed_(seed) {}
   void sample_machine(std::uint64_t number) override {
     constexpr std::uint64_t kFar =
         0x9E3779B97F4A7C15U;  // so that the machines of neighboring seeds are others
@@ -37,13 +38,14 @@ class SimulationCommands final : public Simulation {
   void use_calibration(const control::FieldModel& measured) override {
     laboratory_.use_field(measured);
   }
-  void set_eye(const optics::System& eye) override { laboratory_.set_eye(eye); }
+  void set_eye(const optics::System& eye) override { laboratory_.set_eye(bench_.applied_to(eye)); }
   void move_body(const std::string& name, const Eigen::Vector3d& position) override {
     laboratory_.move_body(name, position);
   }
 
  private:
   sim::Laboratory& laboratory_;
+  const sim::OpticsSample bench_;  // in which another eye stands too
   const std::uint64_t seed_;
 };
 
@@ -82,11 +84,13 @@ class ComposedRig final : public OpenRig {
     rig_.title = settings.title;
     rig_.model = settings.model;
     complete_model(settings);
+    const sim::OpticsSample bench = sim::sample_optics(settings.optics, seed);
     if (simulated != Share::none)
-      world_ = std::make_unique<sim::Laboratory>(settings.laboratory, clock, seed);
+      world_ = std::make_unique<sim::Laboratory>(sim::with_optics(settings.laboratory, bench),
+                                                 clock, seed);
     // Only where all is simulated may a script change the world, and is there a truth: an eye that
     // is drawn beside a real camera judges nothing.
-    if (simulated == Share::all) rig_.simulation = &simulation_.emplace(*world_, seed);
+    if (simulated == Share::all) rig_.simulation = &simulation_.emplace(*world_, bench, seed);
     if (world_) open_simulated(settings, seed);
     if (settings.sample)
       rig_.sample = &sample_.emplace(world_ ? &world_->sample() : nullptr, rig_.model,

@@ -5,6 +5,7 @@
 
 #include "control/field_calibration.h"
 #include "devices/sim/laboratory.h"
+#include "devices/sim/optics_sample.h"
 #include "host/config/config.h"
 
 #include <filesystem>
@@ -16,7 +17,8 @@ namespace vitreo {
 /// Reads all of the table but leaves files alone, and takes the laboratory as built by the model.
 /// Throws ConfigError. With a `calibration` in the plant the coils' own draws are 0 unless given: a
 /// measured machine needs none.
-void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory, std::string& calibration);
+void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory, sim::OpticsSigmas& optics,
+                std::string& calibration);
 
 /// The field of a calibration file, its coils wired as the model that it replaces has them.
 struct MeasuredField {

@@ -504,7 +504,7 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   read_role(reader, "field_probe", settings, settings.field_probe);
   read_free_roles(reader, settings);
   center_laboratory(settings);
-  read_plant(reader.table("truth"), settings.laboratory, settings.calibration);
+  read_plant(reader.table("truth"), settings.laboratory, settings.optics, settings.calibration);
   add_target(settings);
   reader.finish();
   return settings;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "devices/sim/laboratory.h"
+#include "devices/sim/optics_sample.h"
 #include "devices/sim/pose_sensor.h"
 #include "host/config/config.h"
 #include "host/rig/link_load.h"
@@ -34,6 +35,7 @@ struct RigSettings {
   RigModel model;                  // but for the projection, which is fitted
   double projection_reach = 7e-3;  // m of aerial image for which the projection is fitted
   sim::LaboratorySettings laboratory;
+  sim::OpticsSigmas optics;       // by which the laboratory's optics are off what is believed
   std::string calibration;        // file of the plant's field, "" for the model's own dipoles
   bool exact_projection = false;  // localize by the exact projection instead
   InterlockLimits limits;

@@ -49,13 +49,14 @@ constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any ey
 /// Throws std::invalid_argument naming axis_sigma. `tilted_` is set only where the axis is to be
 /// estimated; it needs the answer by the known axis as its start, so both solvers are prepared.
 Localizer::Localizer(const RigModel& model, vision::Background background,
-                     const Eigen::Vector3d& axis, double axis_sigma)
+                     const Eigen::Vector3d& axis, double axis_sigma, bool calibrated)
     : model_(model),
       axis_(axis),
       tracker_(std::move(background), tracker_settings(model)),
       pose_(pose_settings_of(model)) {
   if (!(axis_sigma >= 0 && axis_sigma < 1))
     throw std::invalid_argument("axis_sigma must be in [0, 1) rad");
+  if (!model_.plain_view) doubt_.emplace(model_, axis_, calibrated);
   if (!(axis_sigma > 0)) return;
   tilted_.emplace();
   tilted_->projection = model_.projection;
@@ -141,20 +142,17 @@ void Localizer::from_above(Observation& observation) const {
   observation.covariance(2, 2) = kEye * kEye;
 }
 
-/// What stays wrong where the robot's size, the camera's scale and tilt and the eye's place are not
-/// as believed (ViewUncertainty): J diag(sigma^2) J'. A tilt moves what lies above or below the
-/// middle of the workspace, which is in focus, by its angle.
-Eigen::Matrix3d Localizer::systematic_at(const Eigen::Vector3d& position_in_eye) const {
-  const ViewUncertainty& known = model_.uncertainty;
-  Eigen::Matrix3d systematic = known.eye * known.eye * Eigen::Matrix3d::Identity();
-  const double height = position_in_eye.z() + model_.eye_in_world.z();
-  systematic.topLeftCorner<2, 2>() +=
-      std::pow(known.tilt * height, 2) * Eigen::Matrix2d::Identity();
-  const auto moved = optics::pose_sensitivity(pose_, position_in_eye, axis_);
-  if (!moved) return systematic;
-  systematic += known.size * known.size * moved->size * moved->size.transpose();
-  systematic += known.pixel * known.pixel * moved->pixel * moved->pixel.transpose();
-  return systematic;
+/// What stays wrong: eye, scale, tilt, robot size, outline and axis by the viewing chain, and where
+/// the eye stands. Where the chain shows nothing the position is anywhere in the eye.
+Eigen::Matrix3d Localizer::systematic_of(const Found& found,
+                                         const vision::EllipseMeasurement& seen) const {
+  const double place = model_.uncertainty.eye;
+  const Eigen::Matrix3d of_place = place * place * Eigen::Matrix3d::Identity();
+  const auto of_view =
+      doubt_->systematic(found.position_in_eye, found.axis.value_or(axis_), seen,
+                         found.axis.has_value(), tilted_ ? tilted_->orientation_sigma : 0);
+  if (!of_view) return kEye * kEye * Eigen::Matrix3d::Identity();
+  return of_place + *of_view;
 }
 
 /// With an uncertain axis by_axis() gives the start and with_axis() the answer; where the second
@@ -176,7 +174,7 @@ void Localizer::localize(Observation& observation) {
   // The model's own error is systematic; as a variance it keeps a filter from trusting the noise
   // alone.
   const double error = kModelError_px * model_.top_image.pixel;
-  observation.systematic = systematic_at(found->position_in_eye);
+  observation.systematic = systematic_of(*found, *observation.ellipse);
   observation.covariance =
       found->covariance + error * error * Eigen::Matrix3d::Identity() + observation.systematic;
   observation.residual_px = found->residual_px;

@@ -6,6 +6,7 @@
 #include "devices/time/clock.h"
 #include "host/rig/rig.h"
 #include "host/servo/side_observation.h"
+#include "host/servo/view_doubt.h"
 #include "optics/pose/object_pose.h"
 #include "vision/background.h"
 #include "vision/blob_tracker.h"
@@ -38,8 +39,9 @@ class Localizer {
  public:
   /// `axis`: unit, world; taken for the robot's own, as the thesis does. With an `axis_sigma` (rad,
   /// above 0) it is only the most probable one, and the orientation is estimated with the position.
+  /// `calibrated`: the model's scale was found by a look at the robot on the retina.
   Localizer(const RigModel& model, vision::Background background, const Eigen::Vector3d& axis,
-            double axis_sigma = 0);
+            double axis_sigma = 0, bool calibrated = false);
   /// Of a plain view the depth is unknown: 0, with a variance that says so. It wants a second
   /// camera.
   Observation look(const cv::Mat& image);
@@ -57,7 +59,7 @@ class Localizer {
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
-  Eigen::Matrix3d systematic_at(const Eigen::Vector3d& position_in_eye) const;
+  Eigen::Matrix3d systematic_of(const Found& found, const vision::EllipseMeasurement& seen) const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
                                  const Eigen::Vector3d& start_in_eye) const;
 
@@ -65,6 +67,7 @@ class Localizer {
   Eigen::Vector3d axis_;
   vision::BlobTracker tracker_;
   optics::PoseSettings pose_;
+  std::optional<ViewDoubt> doubt_;                    // none of a plain view
   std::optional<optics::ObjectPoseSettings> tilted_;  // where the axis is to be estimated
   std::optional<Eigen::Vector3d> last_in_eye_;
 };

@@ -75,7 +75,8 @@ ObservationSource::ObservationSource(Clock& clock, Rig& rig, Recorder& recorder,
   check_cameras(rig, cameras, settings);
   const RigModel model = corrected(rig.model, settings.view);
   if (!by_pose_)
-    localizer_.emplace(model, std::move(*cameras.top), settings.axis, settings.axis_uncertainty());
+    localizer_.emplace(model, std::move(*cameras.top), settings.axis, settings.axis_uncertainty(),
+                       settings.view.image_scale != 1);
   else if (settings.by_pose && rig.top_camera != nullptr)
     rehearsed_.emplace(model, rig.top_camera->info(), settings.axis);
 }

@@ -88,6 +88,29 @@ std::optional<double> depth_at(const PoseSettings& settings, const EllipseVector
   return found->position_in_eye.z();
 }
 
+/// The position of a look, the variance of the known height in its own.
+std::optional<PoseEstimate> look_at(const PoseSettings& settings, const EllipseVector& observed,
+                                    const Eigen::Vector3d& axis, const LookNoise& noise) {
+  PoseSettings unweighted = settings;
+  unweighted.weighted = false;  // as depth_at() finds it
+  const auto start = first_guess(unweighted, observed, axis);
+  if (!start) return std::nullopt;
+  auto found = locate(unweighted, observed, noise.covariance, axis, *start);
+  if (found) found->covariance(2, 2) += noise.known_z_sigma * noise.known_z_sigma;
+  return found;
+}
+
+/// Of the scale that puts a look at its height: sigma(z) over d z / d ln(scale). 0 where the look
+/// is not found again.
+double scale_sigma(const PoseSettings& calibrated, const EllipseVector& observed,
+                   const Eigen::Vector3d& axis, const LookNoise& noise) {
+  const auto look = look_at(calibrated, observed, axis, noise);
+  if (!look) return 0;
+  const auto moved = pose_sensitivity(calibrated, look->position_in_eye, axis);
+  if (!moved || !(std::abs(moved->pixel.z()) > 0)) return 0;
+  return std::sqrt(look->covariance(2, 2)) / std::abs(moved->pixel.z());
+}
+
 /// A larger pixel makes the observed ellipse larger in m, so the robot is placed nearer to the
 /// lens.
 PoseSettings scaled(PoseSettings settings, double scale) {
@@ -207,11 +230,13 @@ PoseSettings PoseCalibration::applied(PoseSettings settings) const {
 /// std::invalid_argument naming `observed`.
 PoseCalibration calibrate_pose(const PoseSettings& settings, const EllipseVector& observed,
                                const Eigen::Vector3d& axis_in_eye, double known_z,
-                               PoseCorrection correction) {
+                               PoseCorrection correction, const LookNoise& noise) {
   detail::require_finite(known_z, "known_z");
+  detail::require_not_negative(noise.known_z_sigma, "known_z_sigma");
   PoseCalibration calibration;
   if (correction == PoseCorrection::image_scale) {
     calibration.image_scale = scale_for(settings, observed, axis_in_eye, known_z);
+    calibration.sigma = scale_sigma(calibration.applied(settings), observed, axis_in_eye, noise);
     const auto z = depth_at(calibration.applied(settings), observed, axis_in_eye);
     calibration.residual = z ? std::abs(*z - known_z) : std::abs(known_z);
     return calibration;
@@ -220,6 +245,8 @@ PoseCalibration calibrate_pose(const PoseSettings& settings, const EllipseVector
   const auto z = depth_at(settings, observed, axis_in_eye);
   if (!z) throw std::invalid_argument("observed: the localizer finds no place for it");
   calibration.offset.z() = known_z - *z;
+  const auto look = look_at(settings, observed, axis_in_eye, noise);
+  if (look) calibration.sigma = std::sqrt(look->covariance(2, 2));
   return calibration;
 }
 

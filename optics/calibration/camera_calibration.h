@@ -47,10 +47,19 @@ struct PoseCalibration {
   double image_scale = 1;                            // ImageScale.pixel times this
   Eigen::Vector3d offset = Eigen::Vector3d::Zero();  // m, added to positions
   double residual = 0;                               // m, left at the known point along z
+  /// One sigma by the look's own noise and that of the known height: relative of the scale, or m
+  /// along z of the offset. What eye and bench do beside it: optics/chain/chain_doubt.h.
+  double sigma = 0;
   PoseSettings applied(PoseSettings settings) const;
   Eigen::Vector3d applied(const Eigen::Vector3d& position_in_eye) const {
     return position_in_eye + offset;
   }
+};
+
+/// What is uncertain of a look at a known height.
+struct LookNoise {
+  EllipseCovariance covariance = EllipseCovariance::Zero();  // of the observed ellipse
+  double known_z_sigma = 0;                                  // m
 };
 
 /// `observed`: the robot's ellipse when it lay at the known height `known_z` (m, its center in the
@@ -58,6 +67,7 @@ struct PoseCalibration {
 /// when no scale within 0.7 to 1.4 explains it, or the localizer answers nothing.
 PoseCalibration calibrate_pose(const PoseSettings& settings, const EllipseVector& observed,
                                const Eigen::Vector3d& axis_in_eye, double known_z,
-                               PoseCorrection correction = PoseCorrection::image_scale);
+                               PoseCorrection correction = PoseCorrection::image_scale,
+                               const LookNoise& noise = {});
 
 }  // namespace vitreo::optics

@@ -38,6 +38,7 @@ const Library& library() {
                                             &background_tracker_class(),
                                             &autofocus_class(),
                                             &localizer_class(),
+                                            &viewing_chain_class(),
                                             &axis_law_class(),
                                             &trajectory_class(),
                                             &control_law_class(),

@@ -34,6 +34,7 @@ std::vector<Binding> system_ray_rows();
 std::vector<Binding> system_map_rows();
 std::vector<Binding> system_tolerance_rows();
 std::vector<Binding> system_pose_rows();
+std::vector<Binding> system_chain_rows();
 std::vector<Binding> system_calibration_rows();
 std::vector<Binding> system_design_rows();
 /// And of the module.

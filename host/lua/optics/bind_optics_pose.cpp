@@ -31,7 +31,10 @@ int locate_by_ellipse(const Call& call) {
   return calculate(
       call, "locate",
       [settings, seen, start](const YieldPoint&) {
-        return optics::locate_object(settings, seen.ellipse, seen.covariance, start);
+        optics::ObjectPose pose =
+            optics::locate_object(settings, seen.ellipse, seen.covariance, start);
+        judge_fit(settings, seen, pose);
+        return pose;
       },
       [offset = localizer.offset](Call& done, const optics::ObjectPose& pose) {
         return push_pose(done, pose, offset);
@@ -134,11 +137,12 @@ int calibrate(Call& call) {
   settings.exact = before.settings.exact;
   settings.robot = {body.semi_axes.z(), body.semi_axes.x()};
   const std::string correction = how.text("correction").value_or("image_scale");
-  const auto made =
-      optics::calibrate_pose(settings, ellipse_option(call).ellipse, *how.vector("axis"),
-                             *how.number("known_z") - before.offset.z(),
-                             correction == "image_scale" ? optics::PoseCorrection::image_scale
-                                                         : optics::PoseCorrection::additive_offset);
+  const SeenEllipse seen = ellipse_option(call);
+  const auto made = optics::calibrate_pose(
+      settings, seen.ellipse, *how.vector("axis"), *how.number("known_z") - before.offset.z(),
+      correction == "image_scale" ? optics::PoseCorrection::image_scale
+                                  : optics::PoseCorrection::additive_offset,
+      {seen.covariance, how.number("known_z_sigma").value_or(0)});
   auto after = std::make_shared<Localizer>(before);
   after->settings.image.pixel *= made.image_scale;
   after->offset += made.offset;
@@ -146,6 +150,8 @@ int calibrate(Call& call) {
   push_handle(call.L, localizer_class(), after);
   table.top("localizer")
       .number("image_scale", made.image_scale)
+      .number("image_scale_sigma", correction == "image_scale" ? made.sigma : 0)
+      .number("offset_sigma", correction == "image_scale" ? 0 : made.sigma, "m")
       .number("residual", made.residual, "m")
       .vector("offset", made.offset, "m");
   return 1;
@@ -286,6 +292,7 @@ Binding calibrate_row() {
                        {.name = "axis", .type = Type::direction, .help = "the body's z"},
                        number_of("known_z", "m", false,
                                  "height of its center over the retina's vertex", -1, 1),
+                       number_of("known_z_sigma", "m", true, "of that (0)", 0, 0.01),
                        {.name = "correction",
                         .type = Type::text,
                         .optional = true,
@@ -294,6 +301,8 @@ Binding calibrate_row() {
           {"table",
            {{"localizer", "", "the corrected one"},
             {"image_scale", "", "factor of the pixel"},
+            {"image_scale_sigma", "", "by the ellipse's noise and known_z_sigma"},
+            {"offset_sigma", "m", "the same of the offset, along z"},
             {"offset", "m", "added to positions"},
             {"residual", "m", "left along z at the known height"}}},
           "calibrates by one ellipse of a spheroid on the known retina",

@@ -11,6 +11,7 @@ namespace vitreo::lua {
 const Class& optical_system_class();
 const Class& wide_angle_map_class();
 const Class& localizer_class();
+const Class& viewing_chain_class();
 const Class& axis_law_class();
 /// The module `optics`.
 const std::vector<Binding>& optics_functions();

@@ -4,6 +4,7 @@
 #include "host/lua/interpreter/values.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -178,6 +179,22 @@ std::vector<optics::SeenPoint> points_option(const Call& call) {
   }
   lua_pop(call.L, 1);
   return points;
+}
+
+/// Five numbers less three of the position, less two of a free axis and one of a free size: what is
+/// known beforehand is measured once and free once. Quantiles of chi2 at 99.5 % (1 and 2 degrees).
+void judge_fit(const optics::ObjectPoseSettings& settings, const SeenEllipse& seen,
+               optics::ObjectPose& pose) {
+  constexpr double kOutline_px = 0.15;  // of plates against an ellipsoid (docs/figures.md)
+  constexpr double kQuantiles[] = {7.88, 10.6};
+  if (pose.candidates.empty() || pose.status == optics::PoseStatus::not_converged) return;
+  int spare = 2;
+  if (!std::isfinite(settings.orientation_sigma) && settings.rotate) spare -= 2;
+  if (!std::isfinite(settings.scale_sigma)) --spare;
+  if (spare < 1) return;
+  const double noise = seen.covariance.diagonal().segment<2>(2).minCoeff();
+  const double chi2 = pose.candidates.front().chi2 * noise / (noise + kOutline_px * kOutline_px);
+  if (chi2 > kQuantiles[spare - 1]) pose.status = optics::PoseStatus::misfit;
 }
 
 /// Only a pose that was found is the position: of two that fit equally, scripts must choose among

@@ -32,6 +32,12 @@ optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& 
 /// The option `points`, a list of {body, u, v, sigma}.
 std::vector<optics::SeenPoint> points_option(const Call& call);
 
+/// Makes the status of a pose `misfit` where its chi2, with the outline's own error beside the
+/// tracker's, is above what one right ellipse in 200 has. Without a number to spare nothing can be
+/// told.
+void judge_fit(const optics::ObjectPoseSettings& settings, const SeenEllipse& seen,
+               optics::ObjectPose& pose);
+
 /// `position` and `sigma` stand in the result itself only when it was found, so that one
 /// of two is not taken for it.
 int push_pose(const Call& call, const optics::ObjectPose& pose, const Eigen::Vector3d& offset);

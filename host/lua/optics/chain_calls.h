@@ -1,0 +1,35 @@
+// Arguments and results of the viewing chain's calls.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/lua/optics/bind_optics.h"
+#include "optics/chain/chain_planner.h"
+
+#include <vector>
+
+namespace vitreo::lua::chain_calls {
+
+struct Chain {
+  optics::NominalChain nominal;
+  optics::ChainSigmas sigmas;
+  optics::ChainBelief belief;
+};
+
+/// The option `uncertainty`: what is not given keeps the default of a bench set up by hand.
+Argument uncertainty_argument();
+optics::ChainSigmas sigmas_option(const Call& call);
+
+/// The options `looks`, `landmarks` and `numbers`. Throws std::invalid_argument naming an entry and
+/// what is wrong with it.
+std::vector<Argument> session_arguments();
+optics::ChainSession session_options(const Call& call);
+
+/// A list of all parameters: before, and after what was measured.
+std::vector<ResultField> parameter_fields();
+
+/// A position with its uncertainty, the parts apart.
+std::vector<ResultField> position_fields();
+int push_position(const Call& call, const Eigen::Vector3d& position, double height,
+                  const optics::PositionDoubt& doubt);
+
+}  // namespace vitreo::lua::chain_calls

@@ -1,0 +1,38 @@
+// Doubt of the view: what eye, scale, tilt, robot size and outline do to the positions that the
+// loop's localizer finds, by the viewing chain's derivatives.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/rig/rig.h"
+#include "optics/chain/chain_doubt.h"
+#include "vision/ellipse.h"
+
+#include <Eigen/Core>
+
+#include <optional>
+
+namespace vitreo {
+
+/// Of a rig whose eye is known ("known") all but the eye is in it; of one whose eye is known no
+/// better than thesis table 5.1 (keep_out.eye) that table and 0.3 mm of retinal depth too.
+class ViewDoubt {
+ public:
+  /// `calibrated`: the model's scale was put right by one look at the robot on the retina
+  /// (scripts/calibration/retina.lua), with its axis along `axis`: what was wrong there is not
+  /// wrong there any more, and less elsewhere. Not for a plain view.
+  ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, bool calibrated);
+
+  /// m^2, of what stays from frame to frame at a position that was found from `seen`: everything
+  /// but the tracker's noise. `estimated_axis`: the axis was estimated with a prior of `axis_sigma`
+  /// (rad), else taken for known (thesis 5.5), though a field turns a robot no better than that.
+  /// Nothing where the chain does not show the robot.
+  std::optional<Eigen::Matrix3d> systematic(const Eigen::Vector3d& position_in_eye,
+                                            const Eigen::Vector3d& axis,
+                                            const vision::EllipseMeasurement& seen,
+                                            bool estimated_axis, double axis_sigma) const;
+
+ private:
+  optics::ChainBelief belief_;
+};
+
+}  // namespace vitreo

@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/chain/chain_ellipse.h"
+
+#include "optics/pose/silhouette.h"
+
+#include <Eigen/Dense>
+#include <Eigen/Geometry>
+#include <ceres/jet.h>
+
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace vitreo::optics {
+namespace detail {
+
+/// The chain as contour_through() asks for a projection: it knows its viewpoint, and remembers the
+/// points of the body that make the outline, with their pixels.
+struct ChainOutline {
+  const ViewingChain& chain;
+  const LineDerivatives& near;
+  Eigen::Vector2d near_px;
+  Eigen::Vector3d viewpoint;
+  mutable std::array<Eigen::Vector3d, kMaxContourPoints> points{};
+  mutable std::array<Eigen::Vector2d, kMaxContourPoints> pixels{};
+  mutable std::size_t count = 0;
+};
+
+// contour_through() finds these two by their arguments.
+bool viewpoint_near(const ChainOutline& view, const Eigen::Vector3d&, Eigen::Vector3d& viewpoint) {
+  viewpoint = view.viewpoint;
+  return true;
+}
+bool project_from(const ChainOutline& view, const Eigen::Vector3d& viewpoint,
+                  const Eigen::Vector3d& from_viewpoint, Eigen::Vector2d& m) {
+  const Eigen::Vector3d point = viewpoint + from_viewpoint;
+  const auto pixel_px = view.chain.pixel(point, view.near, view.near_px);
+  if (!pixel_px) return false;
+  view.points[view.count] = point;
+  view.pixels[view.count++] = *pixel_px;
+  m = view.chain.nominal().image.m_from_pixel(*pixel_px);
+  return true;
+}
+
+}  // namespace detail
+
+namespace {
+
+constexpr int kOutlinePoints = 12;
+constexpr int kDifferentiated = 6;  // of them, each second
+
+Spheroid true_size(const ViewingChain& chain) {
+  const Spheroid& robot = chain.nominal().robot;
+  return {robot.semi_axis * chain.placed().robot_length,
+          robot.semi_radius * chain.placed().robot_width};
+}
+
+/// (a^2 - b^2) / 2 over a + b is the half difference. `shape`: of a circle, px.
+template <class T>
+Eigen::Matrix<T, 5, 1> smooth_of(const detail::AffineCircle<T>& circle) {
+  const detail::ImageEllipse<T> axes = detail::axes_of(circle);
+  const T sum = axes.semi_major + axes.semi_minor;
+  Eigen::Matrix<T, 5, 1> smooth;
+  smooth << axes.center.x(), axes.center.y(), sum / 2.0, axes.twice_angle_cos / sum,
+      axes.twice_angle_sin / sum;
+  return smooth;
+}
+
+double dilation_at(const ViewingChain& chain, double z) {
+  return chain.placed().dilation_px + chain.placed().dilation_slope * (z - detail::kDilationHeight);
+}
+
+struct Outlined {
+  SmoothEllipseVector ellipse;
+  detail::AffineCircle<double> circle;
+  detail::ChainOutline outline;
+};
+
+/// `near` belongs to place.near_px. Seen from where the lines past the body meet: those near its
+/// center's place in the image will do.
+std::optional<Outlined> outline_of(const ViewingChain& chain, const RobotPlace& place,
+                                   const LineDerivatives& near) {
+  const auto viewpoint = ViewingChain::viewpoint(near, place.position.z());
+  if (!viewpoint) return std::nullopt;
+  PoseSettings settings;
+  settings.image = chain.nominal().image;
+  settings.robot = true_size(chain);
+  static const detail::Circle kCircle(kOutlinePoints);
+  Outlined made{{}, {}, {chain, near, place.near_px, *viewpoint}};
+  detail::Contour<double> contour;
+  if (!detail::contour_through(made.outline, settings, kCircle, place.position, place.axis,
+                               contour))
+    return std::nullopt;
+  made.circle = detail::first_harmonic(kCircle, contour);
+  detail::correct(kCircle, contour, made.circle);
+  made.ellipse = smooth_of(made.circle);
+  made.ellipse[2] += dilation_at(chain, place.position.z());
+  return made;
+}
+
+/// The outline of a place, linearized where its center is shown: the place's own pixel is only near
+/// that.
+struct Centered {
+  RobotPlace place;
+  LineDerivatives near;
+};
+std::optional<Centered> centered(const ViewingChain& chain, const RobotPlace& place) {
+  constexpr double kNear = 3;  // px
+  auto near = chain.differentiated_line(place.near_px);
+  if (!near) return std::nullopt;
+  const auto pixel_px = chain.pixel(place.position, *near, place.near_px);
+  if (!pixel_px) return std::nullopt;
+  if ((*pixel_px - place.near_px).norm() < kNear) return Centered{place, *near};
+  near = chain.differentiated_line(*pixel_px);
+  if (!near) return std::nullopt;
+  return Centered{{place.position, place.axis, *pixel_px}, *near};
+}
+
+/// d pixel / d (position, axis, theta) of a point of the body. The outline's points may be taken as
+/// fixed to the body: where they slide, they slide along the outline or along the line of sight.
+Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlace& place,
+                                      const Eigen::Matrix<double, 3, 2>& across,
+                                      const Eigen::Vector3d& point, const LineDerivatives& line) {
+  const Eigen::Vector3d offset = point - place.position;
+  const Eigen::Matrix2d inverse = line.pixel_at(point.z()).inverse();
+  Eigen::Matrix<double, 2, 3> by_point;
+  by_point << inverse, -inverse * line.line.tail<2>();
+  Eigen::MatrixXd all(2, 5 + chain.size());
+  all.leftCols<3>() = by_point;
+  for (int i = 0; i < 2; ++i)
+    all.col(3 + i) = by_point * place.axis.cross(across.col(i)).cross(offset);
+  Eigen::Matrix<double, 2, 4> of_line;
+  of_line << -inverse, -point.z() * inverse;
+  all.rightCols(chain.size()) = chain.by_theta(line, of_line);
+  const Eigen::Vector3d along = place.axis * place.axis.dot(offset);
+  for (Eigen::Index i = 0; i < chain.size(); ++i) {
+    all.col(5 + i) +=
+        by_point * along * (chain.own_sigma(i, "robot_length") / chain.placed().robot_length);
+    all.col(5 + i) += by_point * (offset - along) *
+                      (chain.own_sigma(i, "robot_width") / chain.placed().robot_width);
+  }
+  return all;
+}
+
+/// Through the outline's first harmonic, and from that to the smooth coordinates by Jets of its six
+/// numbers.
+std::optional<Eigen::MatrixXd> ellipse_derivative(const ViewingChain& chain,
+                                                  const RobotPlace& place,
+                                                  const Eigen::Matrix<double, 3, 2>& across,
+                                                  const Outlined& made) {
+  const Eigen::Index columns = 5 + chain.size();
+  Eigen::MatrixXd harmonic = Eigen::MatrixXd::Zero(6, columns);  // center, shape's two columns
+  for (int i = 0; i < kDifferentiated; ++i) {
+    const std::size_t k = static_cast<std::size_t>(i) * (kOutlinePoints / kDifferentiated);
+    const auto line = chain.differentiated_line(made.outline.pixels[k]);
+    if (!line) return std::nullopt;
+    const Eigen::MatrixXd by =
+        body_point_derivative(chain, place, across, made.outline.points[k], *line);
+    const double phase = 2 * std::numbers::pi * i / kDifferentiated;
+    harmonic.topRows<2>() += by / kDifferentiated;
+    harmonic.middleRows<2>(2) += by * (2 * std::cos(phase) / kDifferentiated);
+    harmonic.bottomRows<2>() += by * (2 * std::sin(phase) / kDifferentiated);
+  }
+  using Jet = ceres::Jet<double, 6>;
+  detail::AffineCircle<Jet> circle;
+  circle.center = {Jet(made.circle.center.x(), 0), Jet(made.circle.center.y(), 1)};
+  for (int column = 0; column < 2; ++column)
+    for (int row = 0; row < 2; ++row)
+      circle.shape(row, column) = Jet(made.circle.shape(row, column), 2 + 2 * column + row);
+  const Eigen::Matrix<Jet, 5, 1> smooth = smooth_of(circle);
+  Eigen::MatrixXd by(5, columns);
+  for (int row = 0; row < 5; ++row) by.row(row) = smooth[row].v.transpose() * harmonic;
+  return by;
+}
+
+}  // namespace
+
+Eigen::Matrix<double, 3, 2> directions_across(const Eigen::Vector3d& axis) {
+  Eigen::Matrix<double, 3, 2> across;
+  across.col(0) = axis.unitOrthogonal();
+  across.col(1) = axis.cross(across.col(0));
+  return across;
+}
+
+std::optional<SmoothEllipseVector> shown_ellipse(const ViewingChain& chain,
+                                                 const RobotPlace& place) {
+  const auto here = centered(chain, place);
+  if (!here) return std::nullopt;
+  const auto made = outline_of(chain, here->place, here->near);
+  if (!made) return std::nullopt;
+  return made->ellipse;
+}
+
+std::optional<ShownEllipse> differentiated_ellipse(const ViewingChain& chain,
+                                                   const RobotPlace& place) {
+  const auto here = centered(chain, place);
+  if (!here) return std::nullopt;
+  const auto made = outline_of(chain, here->place, here->near);
+  if (!made) return std::nullopt;
+  ShownEllipse shown;
+  shown.ellipse = made->ellipse;
+  shown.across = directions_across(place.axis);
+  const auto by = ellipse_derivative(chain, place, shown.across, *made);
+  if (!by) return std::nullopt;
+  shown.by_position = by->leftCols<3>();
+  shown.by_axis = by->middleCols<2>(3);
+  shown.by_theta = by->rightCols(chain.size());
+  shown.by_position(2, 2) += chain.placed().dilation_slope;
+  for (Eigen::Index i = 0; i < chain.size(); ++i)
+    shown.by_theta(2, i) +=
+        chain.own_sigma(i, "dilation") +
+        chain.own_sigma(i, "dilation_slope") * (place.position.z() - detail::kDilationHeight);
+  return shown;
+}
+
+SmoothEllipseVector smooth_from(const EllipseVector& ellipse) {
+  const double half = (ellipse[2] - ellipse[3]) / 2;
+  SmoothEllipseVector smooth;
+  smooth << ellipse[0], ellipse[1], (ellipse[2] + ellipse[3]) / 2, half * std::cos(2 * ellipse[4]),
+      half * std::sin(2 * ellipse[4]);
+  return smooth;
+}
+
+EllipseVector ellipse_from(const SmoothEllipseVector& smooth) {
+  const double half = std::hypot(smooth[3], smooth[4]);
+  EllipseVector ellipse;
+  ellipse << smooth[0], smooth[1], smooth[2] + half, smooth[2] - half,
+      std::atan2(smooth[4], smooth[3]) / 2;
+  return ellipse;
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/chain/chain_parameters.h"
+
+#include "optics/numerics/preconditions.h"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+struct NamedSigma {
+  const char* name;
+  const char* unit;
+  double ChainSigmas::*sigma;
+  bool two;  // one along x and one along y
+  ChainPart part;
+};
+
+/// The retina counts as the eye's: it is what no image of the bench shows.
+constexpr NamedSigma kSigmas[] = {
+    {"axial_length", "m", &ChainSigmas::axial_length, false, ChainPart::eye},
+    {"inner_lens_tilt", "rad", &ChainSigmas::inner_lens_tilt, true, ChainPart::eye},
+    {"inner_lens_aside", "m", &ChainSigmas::inner_lens_aside, true, ChainPart::eye},
+    {"retina_depth", "m", &ChainSigmas::retina_depth, false, ChainPart::eye},
+    {"retina_tilt", "m", &ChainSigmas::retina_tilt, true, ChainPart::eye},
+    {"retina_curvature", "m", &ChainSigmas::retina_curvature, false, ChainPart::eye},
+    {"retina_astigmatism", "m", &ChainSigmas::retina_astigmatism, true, ChainPart::eye},
+    {"eye_rotation", "rad", &ChainSigmas::eye_rotation, true, ChainPart::calibration},
+    {"lens_axial", "m", &ChainSigmas::lens_axial, false, ChainPart::calibration},
+    {"lens_aside", "m", &ChainSigmas::lens_aside, true, ChainPart::calibration},
+    {"lens_tilt", "rad", &ChainSigmas::lens_tilt, true, ChainPart::calibration},
+    {"pupil_power", "1/m", &ChainSigmas::pupil_power, false, ChainPart::calibration},
+    {"microscope_tilt", "rad", &ChainSigmas::microscope_tilt, true, ChainPart::calibration},
+    {"object_plane", "m", &ChainSigmas::object_plane, false, ChainPart::calibration},
+    {"pixel", "", &ChainSigmas::pixel, false, ChainPart::calibration},
+    {"center", "m", &ChainSigmas::center, true, ChainPart::calibration},
+    {"robot_length", "", &ChainSigmas::robot_size, false, ChainPart::calibration},
+    {"robot_width", "", &ChainSigmas::robot_size, false, ChainPart::calibration},
+    {"dilation", "px", &ChainSigmas::dilation_px, false, ChainPart::calibration},
+    {"dilation_slope", "px/m", &ChainSigmas::dilation_slope, false, ChainPart::calibration},
+};
+
+}  // namespace
+
+void ChainSigmas::check() const {
+  for (const NamedSigma& one : kSigmas)
+    if (!(this->*one.sigma >= 0 && std::isfinite(this->*one.sigma)))
+      throw std::invalid_argument(std::string(one.name) + ": its sigma must not be negative");
+}
+
+ChainSigmas ChainSigmas::none() {
+  ChainSigmas sigmas;
+  sigmas.eye.clear();
+  for (const NamedSigma& one : kSigmas) sigmas.*one.sigma = 0;
+  return sigmas;
+}
+
+std::vector<ChainParameter> chain_parameters(const NominalChain& nominal,
+                                             const ChainSigmas& sigmas) {
+  sigmas.check();
+  std::vector<ChainParameter> all;
+  for (const Uncertainty& one : applicable(sigmas.eye, nominal.prescription))
+    if (one.relative > 0) all.push_back({one.parameter, "", one.relative, ChainPart::eye});
+  for (const NamedSigma& one : kSigmas) {
+    const double sigma = sigmas.*one.sigma;
+    if (!(sigma > 0)) continue;
+    const std::string name = one.name;
+    all.push_back({one.two ? name + "_x" : name, one.unit, sigma, one.part});
+    if (one.two) all.push_back({name + "_y", one.unit, sigma, one.part});
+  }
+  return all;
+}
+
+Eigen::Index index_of(const std::vector<ChainParameter>& parameters, const std::string& name) {
+  for (std::size_t i = 0; i < parameters.size(); ++i)
+    if (parameters[i].name == name) return static_cast<Eigen::Index>(i);
+  throw std::invalid_argument("parameter: the chain has no " + name);
+}
+
+}  // namespace vitreo::optics

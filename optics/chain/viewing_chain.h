@@ -1,0 +1,83 @@
+// Viewing chain at given parameters: the line in the vitreous that a pixel shows, and its
+// derivatives by the pixel and by every parameter.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "optics/chain/chain_layout.h"
+
+#include <Eigen/Core>
+
+#include <array>
+#include <optional>
+#include <vector>
+
+namespace vitreo::optics {
+
+/// x = at_zero + slope z in the nominal eye frame, as (x, y at z = 0, dx/dz, dy/dz).
+using VitreousLine = Eigen::Vector4d;
+
+/// A line with the derivatives of each step on its way in; ViewingChain::by_theta() joins them.
+struct LineDerivatives {
+  static constexpr std::size_t kMostSurfaces = 16;
+  VitreousLine line;
+  Eigen::Matrix<double, 4, 2> by_pixel;
+  Eigen::Matrix<double, 4, 7> by_microscope;  // in air, by MicroscopeNumbers
+  // Of each surface, from the vitreous outwards: the inner line by the outer, and by
+  // SurfaceNumbers.
+  std::array<Eigen::Matrix4d, kMostSurfaces> through;
+  std::array<Eigen::Matrix<double, 4, 7>, kMostSurfaces> own;
+  Eigen::Vector2d at(double z) const { return line.head<2>() + z * line.tail<2>(); }
+  Eigen::Matrix2d pixel_at(double z) const {
+    return by_pixel.topRows<2>() + z * by_pixel.bottomRows<2>();
+  }
+};
+
+/// Of a point in the vitreous: the pixel that shows it and what moves that.
+struct SeenPixel {
+  Eigen::Vector2d pixel_px;
+  Eigen::Matrix<double, 2, 3> by_position;            // px/m
+  Eigen::Matrix<double, 2, Eigen::Dynamic> by_theta;  // px per sigma of the parameter
+};
+
+/// The chain linearized in its parameters about theta. Lines are those of the refracting surfaces,
+/// however far from the axis: rims and stops clip nothing.
+class ViewingChain {
+ public:
+  /// Throws std::invalid_argument naming what is wrong with the nominal chain.
+  ViewingChain(const NominalChain& nominal, std::vector<ChainParameter> parameters,
+               const Eigen::VectorXd& theta);
+
+  const std::vector<ChainParameter>& parameters() const { return parameters_; }
+  Eigen::Index size() const { return static_cast<Eigen::Index>(parameters_.size()); }
+  const Eigen::VectorXd& theta() const { return theta_; }
+  const NominalChain& nominal() const { return nominal_; }
+  const detail::PlacedChain& placed() const { return placed_; }
+  /// d placed() / d theta, of the robot's factors, the dilation and the retina; the parameter's
+  /// sigma where it is that one, else 0.
+  double own_sigma(Eigen::Index parameter, const char* name) const;
+
+  /// Nothing where a surface is missed or reflects all.
+  std::optional<VitreousLine> line(const Eigen::Vector2d& pixel_px) const;
+  std::optional<LineDerivatives> differentiated_line(const Eigen::Vector2d& pixel_px) const;
+  /// Of two linear functions of the line, `of_line` times it: by every parameter.
+  Eigen::Matrix<double, 2, Eigen::Dynamic> by_theta(
+      const LineDerivatives& line, const Eigen::Matrix<double, 2, 4>& of_line) const;
+  /// Near which the lines past a point at height z meet. Nothing where they diverge.
+  static std::optional<Eigen::Vector3d> viewpoint(const LineDerivatives& line, double z);
+  /// The pixel that shows a point, by Newton from a pixel near it. Nothing where there is none.
+  std::optional<SeenPixel> seen(const Eigen::Vector3d& point, const Eigen::Vector2d& near_px) const;
+  /// The same without derivatives, from the linearization at a pixel near it.
+  std::optional<Eigen::Vector2d> pixel(const Eigen::Vector3d& point, const LineDerivatives& near,
+                                       const Eigen::Vector2d& near_px) const;
+
+ private:
+  NominalChain nominal_;
+  std::vector<ChainParameter> parameters_;
+  Eigen::VectorXd theta_;
+  detail::PlacedChain placed_;
+  // by theta, of each surface's and the microscope's numbers
+  std::vector<Eigen::Matrix<double, 7, Eigen::Dynamic>> surfaces_by_theta_;
+  Eigen::Matrix<double, 7, Eigen::Dynamic> microscope_by_theta_;
+};
+
+}  // namespace vitreo::optics

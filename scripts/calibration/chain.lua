@@ -1,0 +1,144 @@
+-- Calibration of the whole viewing chain by pictures of the robot: what a session records of it, and what its calibration
+-- says (docs/chain.md). A chain is a viewing_chain of the module optics.
+-- SPDX-License-Identifier: Apache-2.0
+local statistics = require "analysis.statistics"
+local units = require "units"
+local um, mm = units.um, units.mm
+local chain = {}
+
+--- The rig's chain as it is believed, with `uncertainty` as optical_system:viewing_chain takes it.
+function chain.believed(rig, uncertainty)
+  local model = rig:model()
+  return rig:eye():viewing_chain {
+    microscope = model.microscope,
+    body = model.robot,
+    pixel = model.pixel,
+    center = model.center_px,
+    uncertainty = uncertainty,
+  }
+end
+
+local function finite(values)
+  local good = {}
+  for _, value in ipairs(values) do
+    if value == value then good[#good + 1] = value end
+  end
+  return good
+end
+
+-- Means of some channels of a stream since `from`; nothing when one of them has no value.
+local function means(run, stream, channels, from)
+  local seen, found = run:samples(stream, channels, { from = from, to = run:now() }), {}
+  if not seen then return nil end
+  for _, name in ipairs(channels) do
+    local good = finite(seen[name])
+    if #good == 0 then return nil end
+    found[name] = name == "angle" and statistics.median(good) or statistics.mean(good)
+    found.count = #good
+  end
+  return found
+end
+
+--- What the loop's top camera saw of the robot since `from`, as viewing_chain:calibrate takes a look; nothing where it was not
+--- seen. The noise of a frame averages down to a twentieth of a pixel: what is left is no noise.
+function chain.look(run, from, frame_sigma)
+  local seen = means(run, "servo", { "u_px", "v_px", "semi_major_px", "semi_minor_px", "angle" }, from)
+  local axis = means(run, "command", { "axis_x", "axis_y", "axis_z" }, from)
+  if not seen or not axis then return nil end
+  return {
+    u = seen.u_px,
+    v = seen.v_px,
+    semi_major = seen.semi_major_px,
+    semi_minor = seen.semi_minor_px,
+    angle = seen.angle,
+    sigma = math.max(0.05, (frame_sigma or 0.2) / math.sqrt(seen.count)),
+    axis = vector(axis.axis_x, axis.axis_y, axis.axis_z),
+  }
+end
+
+--- Where the side camera had it meanwhile, into the look: x and z in the eye's frame, to `sigma`; y was not measured. False
+--- where it had none.
+function chain.add_side(rig, run, look, from, sigma)
+  local seen = means(run, "side_camera", { "x", "z" }, from)
+  if not seen then return false end
+  local eye = rig:model().eye_in_world
+  look.position = vector(seen.x - eye.x, 0, seen.z - eye.z)
+  look.position_sigma = vector(sigma, 0, sigma)
+  return true
+end
+
+--- The robot's size measured under a microscope, relative to what the rig believes, as numbers of a session.
+function chain.size(rig, length, width, sigma)
+  local robot = rig:model().robot
+  return {
+    { parameter = "robot_length", off = length / (2 * robot.half_length) - 1, sigma = sigma },
+    { parameter = "robot_width", off = width / (2 * robot.radius) - 1, sigma = sigma },
+  }
+end
+
+--- A table of what was learned of each parameter, the results of the session, and what would be measured best next.
+function chain.report(run, made)
+  local rows = {}
+  for i, one in ipairs(made.chain:parameters()) do
+    rows[i] = {
+      one.parameter,
+      ("%.4g"):format(one.off),
+      ("%.2g"):format(one.sigma),
+      ("%.2g"):format(one.prior_sigma),
+      one.unit,
+      ("%.0f %%"):format(100 * one.learned),
+    }
+  end
+  run:table {
+    title = "The viewing chain, off what was believed",
+    header = { "parameter", "off", "sigma", "before", "unit", "learned" },
+    rows = rows,
+  }
+  run:result("session_chi2_per_degree", made.chi2 / math.max(made.degrees_of_freedom, 1))
+  run:result("explanations", #made.minima)
+  for _, goal in ipairs { "depth", "height", "aside" } do
+    local plan = made.chain:next { goal = goal, steps = 3 }
+    run:result("calibration_part_of_" .. goal, plan.leaves_now, "m")
+    local steps = {}
+    for i, step in ipairs(plan.steps) do
+      steps[i] = ("%s (%.0f um)"):format(step.measurement, step.leaves / um)
+    end
+    run:note(("%s: calibration leaves %.0f um; next: %s"):format(goal, plan.leaves_now / um, table.concat(steps, ", then ")))
+  end
+  if #made.minima > 1 then
+    run:note(("%d chains explain the session equally: their difference is in every uncertainty"):format(#made.minima))
+  end
+  if #made.unobserved > 0 then run:note("not observed: " .. table.concat(made.unobserved, ", ")) end
+end
+
+--- Places in the workspace, evenly: `count` of a spiral from near the retina to `height` over it, within `reach` of the axis.
+--- World frame.
+function chain.places(rig, count, reach, low, high)
+  local eye, places = rig:model().eye_in_world, {}
+  for i = 1, count do
+    local part = (i - 0.5) / count
+    local angle, radius = 2.39996 * i, reach * math.sqrt((i * 0.618034) % 1)
+    places[i] = eye + vector(radius * math.cos(angle), radius * math.sin(angle), low + (high - low) * part)
+  end
+  return places
+end
+
+--- Judges a chain by new looks: {look, place} each, with the robot's place in the eye's frame by truth or side camera. Returns
+--- errors in depth and aside, and the part of depths within their 95 % interval.
+function chain.judge(calibrated, looks)
+  local depth, aside, within, fits = {}, {}, 0, 0
+  for _, one in ipairs(looks) do
+    local found = calibrated:locate { ellipse = one.ellipse, axis = one.axis, contour_sigma = one.contour_sigma }
+    if found then
+      local error = found.position - one.place
+      depth[#depth + 1], aside[#aside + 1] = math.abs(error.z), math.abs(error.x)
+      if math.abs(error.z) < 1.96 * found.sigma.z then within = within + 1 end
+      if found.status == "found" then fits = fits + 1 end
+    end
+  end
+  return { depth = depth, aside = aside, covered = within / math.max(#depth, 1), fits = fits / math.max(#depth, 1) }
+end
+
+chain.workspace = { reach = 3 * mm, low = 2.5 * mm, high = 7.5 * mm }
+
+return chain

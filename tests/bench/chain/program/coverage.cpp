@@ -1,0 +1,320 @@
+// Coverage of the stated uncertainty of located positions, over random benches whose truth is a
+// tracer of its own (true_bench.h): uncalibrated, calibrated by one look, and by whole sessions.
+// Figures beside the floors of the study in docs/chain.md.
+//   chain_coverage [benches] [places] [frames] [first seed] [1: a line for each]
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/calibration/camera_calibration.h"
+#include "optics/chain/chain_estimator.h"
+
+#include <Eigen/Dense>
+
+#include "../sessions.h"
+#include "../true_bench.h"
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace vitreo::optics {
+namespace {
+
+double at_part(std::vector<double> values, double part) {
+  if (values.empty()) return std::nan("");
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1) + 0.5)];
+}
+
+double rms(const std::vector<double>& values) {
+  double squares = 0;
+  for (const double one : values) squares += one * one;
+  return std::sqrt(squares / static_cast<double>(std::max<std::size_t>(values.size(), 1)));
+}
+
+/// Of one way to locate: what was claimed, what was wrong, and how often within 95 %.
+struct Tally {
+  std::vector<double> claimed_z, claimed_aside, claimed_height, errors_z, errors_aside,
+      errors_height;
+  int places = 0, within_z = 0, within_aside = 0, within_3d = 0, within_height = 0, misfits = 0,
+      benches = 0, lost = 0;
+  double seconds = 0;
+  void add(const Eigen::Vector3d& error, double height_error, const PositionDoubt& doubt) {
+    const Eigen::Vector3d sigma = doubt.covariance.diagonal().cwiseSqrt();
+    const double height = std::sqrt(doubt.height_variance);
+    ++places;
+    within_z += std::abs(error.z()) < 1.96 * sigma.z();
+    within_aside += std::abs(error.x()) < 1.96 * sigma.x();
+    within_3d += error.dot(doubt.covariance.ldlt().solve(error)) < 7.815;
+    within_height += std::abs(height_error) < 1.96 * height;
+    misfits += doubt.chi2 > kMisfitChi2;
+    claimed_z.push_back(sigma.z());
+    claimed_aside.push_back(std::sqrt((sigma.x() * sigma.x() + sigma.y() * sigma.y()) / 2));
+    claimed_height.push_back(height);
+    errors_z.push_back(std::abs(error.z()));
+    errors_aside.push_back(error.head<2>().norm() / std::sqrt(2.0));
+    errors_height.push_back(std::abs(height_error));
+  }
+  void join(const Tally& other) {
+    const auto add = [](std::vector<double>& to, const std::vector<double>& from) {
+      to.insert(to.end(), from.begin(), from.end());
+    };
+    add(claimed_z, other.claimed_z), add(claimed_aside, other.claimed_aside);
+    add(claimed_height, other.claimed_height), add(errors_z, other.errors_z);
+    add(errors_aside, other.errors_aside), add(errors_height, other.errors_height);
+    places += other.places, within_z += other.within_z, within_aside += other.within_aside;
+    within_3d += other.within_3d, within_height += other.within_height;
+    misfits += other.misfits, benches += other.benches, lost += other.lost;
+  }
+  void print(const char* name, const char* floor) const {
+    const auto percent = [this](int count) { return 100.0 * count / std::max(places, 1); };
+    std::printf(
+        "%-34s %4d benches %5d places | in 95 %%: z %5.1f aside %5.1f 3-D %5.1f height %5.1f | "
+        "misfit %4.1f %% | sigma z %4.0f / %4.0f aside %4.0f / %4.0f height %4.0f / %4.0f | "
+        "|error| z %4.0f / %4.0f aside %4.0f / %4.0f height %4.0f / %4.0f um | floor %s | %.1f s, "
+        "%d lost\n",
+        name, benches, places, percent(within_z), percent(within_aside), percent(within_3d),
+        percent(within_height), percent(misfits), 1e6 * at_part(claimed_z, 0.5),
+        1e6 * at_part(claimed_z, 0.9), 1e6 * at_part(claimed_aside, 0.5),
+        1e6 * at_part(claimed_aside, 0.9), 1e6 * at_part(claimed_height, 0.5),
+        1e6 * at_part(claimed_height, 0.9), 1e6 * at_part(errors_z, 0.5),
+        1e6 * at_part(errors_z, 0.9), 1e6 * at_part(errors_aside, 0.5),
+        1e6 * at_part(errors_aside, 0.9), 1e6 * at_part(errors_height, 0.5),
+        1e6 * at_part(errors_height, 0.9), floor, seconds, lost);
+    std::fflush(stdout);
+  }
+};
+
+struct Scale {
+  int benches;
+  int places;
+  int frames;
+  std::uint64_t first;
+  bool each;  // prints a line for each bench
+};
+
+/// Largest difference of the two programs' ellipses at the same parameters, px.
+void compare_programs(const NominalChain& nominal, const Scale& scale) {
+  double worst = 0;
+  std::mt19937_64 random(99);
+  for (int k = 0; k < scale.benches; ++k) {
+    const TrueBench truth(nominal, {}, scale.first + static_cast<std::uint64_t>(k));
+    const auto parameters = chain_parameters(nominal, {});
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(parameters.size()));
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+      theta[static_cast<Eigen::Index>(i)] = truth.off(parameters[i].name) / parameters[i].sigma;
+    const ViewingChain chain(nominal, parameters, theta);
+    for (int i = 0; i < scale.places; ++i) {
+      const Eigen::Vector3d place = random_place(random);
+      const Eigen::Vector3d axis = random_axis(random, 0.3);
+      const auto theirs = truth.ellipse(place, axis);
+      if (!theirs) continue;
+      const auto ours = shown_ellipse(chain, {place, axis, theirs->head<2>()});
+      if (ours) worst = std::max(worst, (*ours - smooth_from(*theirs)).cwiseAbs().maxCoeff());
+    }
+  }
+  std::printf("chain against the true bench at its parameters: %.4f px at worst\n", worst);
+}
+
+/// Judges new frames of a bench by a belief. The position is found by the belief's own chain.
+void judge(const TrueBench& truth, const ChainBelief& belief, const Scale& scale,
+           std::mt19937_64& random, Tally& tally) {
+  ++tally.benches;
+  for (int i = 0; i < scale.places; ++i) {
+    const Eigen::Vector3d place = random_place(random);
+    const Eigen::Vector3d axis = random_axis(random, 0);
+    const auto seen =
+        truth.seen(place, tilted(axis, kAxisSigma, random), kNoise_px, kAxisSigma, random);
+    if (!seen) continue;
+    const auto found = locate_in_chain(belief.chain, *seen, axis);
+    if (!found) {
+      ++tally.lost;
+      continue;
+    }
+    const auto doubt = position_doubt(belief, {*found, axis, seen->ellipse.head<2>()}, *seen,
+                                      PositionFit::weighted);
+    if (!doubt) {
+      ++tally.lost;
+      continue;
+    }
+    const double retina = retina_offset(belief.chain, {0, 0});
+    const double height_error = (found->z() - retina) - (place.z() - truth.retina(0, 0));
+    tally.add(*found - place, height_error, *doubt);
+  }
+}
+
+void one_look(const NominalChain& nominal, const ChainSigmas& sigmas, const Scale& scale,
+              const char* name) {
+  Tally before;
+  Tally after;
+  const ChainBelief prior = prior_belief(nominal, sigmas);
+  PoseSettings believed;
+  believed.image = nominal.image;
+  believed.robot = nominal.robot;
+  believed.exact.emplace(nominal.prescription.system, nominal.microscope, 8e-3);
+  for (int k = 0; k < scale.benches; ++k) {
+    const TrueBench truth(nominal, sigmas, scale.first + static_cast<std::uint64_t>(k));
+    std::mt19937_64 random(1000 + scale.first + static_cast<std::uint64_t>(k));
+    judge(truth, prior, scale, random, before);
+    const Eigen::Vector3d axis(1, 0, 0);
+    const double lying = nominal.robot.semi_radius;
+    const auto look = truth.seen({0, 0, truth.retina(0, 0) + truth.robot().semi_radius},
+                                 tilted(axis, kAxisSigma, random), 0.05, kAxisSigma, random);
+    if (!look) continue;
+    try {
+      PoseSettings weighted = believed;
+      const PoseCalibration made = calibrate_pose(weighted, look->ellipse, axis, lying);
+      NominalChain scaled = nominal;
+      scaled.image.pixel *= made.image_scale;
+      ChainBelief belief = prior_belief(scaled, sigmas);
+      const auto calibrated = scale_calibrated(
+          belief, {{{0, 0, lying}, axis, look->ellipse.head<2>()}, *look, 10e-6, true},
+          PositionFit::thesis);
+      if (calibrated) judge(truth, *calibrated, scale, random, after);
+    } catch (const std::invalid_argument&) {
+      ++after.lost;
+    }
+  }
+  before.print((std::string(name) + ", uncalibrated").c_str(), "557 / 644 (all priors)");
+  after.print((std::string(name) + ", one look").c_str(), "311 / 369 depth, 226 / 335 height");
+}
+
+void session(const NominalChain& nominal, const Scale& scale, const char* name, const char* floor,
+             const std::function<ChainSession(const TrueBench&, std::mt19937_64&)>& record) {
+  Tally tally;
+  const ChainSigmas sigmas;
+  int twins = 0;
+  for (int k = 0; k < scale.benches; ++k) {
+    const TrueBench truth(nominal, sigmas, scale.first + static_cast<std::uint64_t>(k));
+    std::mt19937_64 random(2000 + scale.first + static_cast<std::uint64_t>(k));
+    const auto begin = std::chrono::steady_clock::now();
+    try {
+      const ChainEstimate made = estimate_chain(nominal, sigmas, record(truth, random));
+      twins += made.minima.size() > 1;
+      Tally alone;
+      judge(truth, made.belief, scale, random, alone);
+      tally.join(alone);
+      if (scale.each)
+        std::printf(
+            "  bench %2d: chi2 %.0f of %d, %zu minima of %d starts, rms z %.0f aside %.0f um, "
+            "in 95 %% %d of %d\n",
+            k, made.chi2, made.degrees_of_freedom, made.minima.size(), made.ended_starts,
+            1e6 * rms(alone.errors_z), 1e6 * rms(alone.errors_aside), alone.within_3d,
+            alone.places);
+    } catch (const std::invalid_argument&) {
+      ++tally.lost;
+    }
+    tally.seconds +=
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+  tally.print(name, floor);
+  std::printf("%-34s %d of %d with more than one minimum\n", "", twins, tally.benches);
+}
+
+/// Of ellipses that are not what is believed: how many pass for right ones, and of those how many
+/// with the truth beyond three sigmas; and how many right ones do not pass.
+void wrong_ellipses(const NominalChain& nominal, int count, std::uint64_t first) {
+  const ChainBelief prior = prior_belief(nominal, {});
+  int passed = 0;
+  int beyond = 0;
+  int made = 0;
+  int alarms = 0;
+  int right = 0;
+  std::mt19937_64 random(first);
+  std::uniform_real_distribution<double> even(0, 1);
+  for (int k = 0; made < count; ++k) {
+    const TrueBench truth(nominal, {}, first + static_cast<std::uint64_t>(k));
+    NominalChain other = nominal;  // a robot of another shape, then of another size
+    other.robot.semi_axis *= k % 2 == 0 ? 1.4 : 1.05;
+    other.robot.semi_radius *= k % 2 == 0 ? 1 : 1.05;
+    const TrueBench wrong_body(other, {}, first + static_cast<std::uint64_t>(k));
+    for (int i = 0; i < 12; ++i) {
+      const Eigen::Vector3d place = random_place(random);
+      const Eigen::Vector3d axis = random_axis(random, 0);
+      const int kind = i % 3;  // right, pitched unseen, another body
+      const double pitch = 0.175 + 0.6 * even(random);
+      const Eigen::Vector3d real =
+          kind == 1
+              ? Eigen::Vector3d(std::cos(pitch) * axis + std::sin(pitch) * Eigen::Vector3d::UnitZ())
+              : tilted(axis, kAxisSigma, random);
+      const auto seen =
+          (kind == 2 ? wrong_body : truth).seen(place, real, kNoise_px, kAxisSigma, random);
+      if (!seen) continue;
+      const auto found = locate_in_chain(prior.chain, *seen, axis);
+      const auto doubt = found ? position_doubt(prior, {*found, axis, seen->ellipse.head<2>()},
+                                                *seen, PositionFit::weighted)
+                               : std::nullopt;
+      const bool fits = doubt && doubt->chi2 <= kMisfitChi2;
+      if (kind == 0) {
+        ++right;
+        alarms += !fits;
+        continue;
+      }
+      ++made;
+      if (!fits) continue;
+      ++passed;
+      beyond += std::abs(found->z() - place.z()) > 3 * std::sqrt(doubt->covariance(2, 2));
+    }
+  }
+  std::printf(
+      "wrong ellipses (pitch of 10 degrees and more, another body, 5 %% larger): %d, of them %d "
+      "found, %d with the truth beyond 3 sigma (goal 0); false alarms %d of %d (goal 1 %%)\n",
+      made, passed, beyond, alarms, right);
+}
+
+void time_one(const NominalChain& nominal) {
+  const ChainBelief prior = prior_belief(nominal, {});
+  OutlineSeen seen;
+  const RobotPlace place{{1e-3, -1e-3, 5e-3}, {1, 0, 0}, {0, 0}};
+  seen.ellipse = ellipse_from(*shown_ellipse(prior.chain, place));
+  seen.covariance = 0.04 * EllipseCovariance::Identity();
+  seen.covariance(4, 4) = 1e-5;
+  seen.axis_sigma = kAxisSigma;
+  std::vector<double> times;
+  for (int i = 0; i < 400; ++i) {
+    const auto begin = std::chrono::steady_clock::now();
+    const auto doubt = position_doubt(prior, {place.position, place.axis, seen.ellipse.head<2>()},
+                                      seen, PositionFit::weighted);
+    times.push_back(
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+    if (!doubt) return;
+  }
+  std::printf("total covariance of one frame: median %.0f us, 10 %% %.0f us (goal 100)\n",
+              1e6 * at_part(times, 0.5), 1e6 * at_part(times, 0.1));
+}
+
+}  // namespace
+}  // namespace vitreo::optics
+
+int main(int count, char** arguments) {
+  using namespace vitreo::optics;
+  const auto number = [&](int i, int otherwise) {
+    return count > i ? std::atoi(arguments[i]) : otherwise;
+  };
+  const Scale scale{number(1, 10), number(2, 25), number(3, 150),
+                    static_cast<std::uint64_t>(number(4, 1)), number(5, 0) != 0};
+  NominalChain nominal;
+  nominal.prescription = prescription("model_eye_5_3");
+  time_one(nominal);
+  compare_programs(nominal, scale);
+  wrong_ellipses(nominal, 20 * scale.benches, scale.first);
+  one_look(nominal, {}, scale, "whole bench off");
+  ChainSigmas table = ChainSigmas::none();
+  table.eye = table_5_1();
+  table.pixel = 1e-4;
+  one_look(nominal, table, scale, "table 5.1");
+  table.retina_depth = 0.3e-3;
+  one_look(nominal, table, scale, "table 5.1 and retina 0.3 mm");
+  session(nominal, scale, "calibrate_bench", "47 / 68 depth, 7 / 13 aside",
+          [](const TrueBench& truth, std::mt19937_64& random) {
+            return bench_session(truth, 30, random);
+          });
+  session(nominal, scale, "calibrate_in_eye",
+          "71 / 87 height, 63 / 85 aside with 300 frames, index, lens place",
+          [&](const TrueBench& truth, std::mt19937_64& random) {
+            return in_eye_session(truth, scale.frames, random);
+          });
+  return 0;
+}
