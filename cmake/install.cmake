@@ -8,6 +8,9 @@ foreach(folder protocols scripts templates docs)
 endforeach()
 install(FILES packaging/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES packaging/60-vitreo.rules DESTINATION lib/udev/rules.d)
+# The workbench: as a service of a user, and in the desktop's menu.
+install(FILES packaging/vitreo.service DESTINATION lib/systemd/user)
+install(FILES packaging/vitreo.desktop DESTINATION ${CMAKE_INSTALL_DATADIR}/applications)
 
 set(VITREO_PRINTED ${CMAKE_BINARY_DIR}/printed)
 install(CODE "
@@ -50,5 +53,6 @@ set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "libopencv-imgcodecs406, libopencv-videoio406, libopencv-video406, libaravis-0.8-0")
 # Its fonts come with Debian's fontconfig.
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "ffmpeg, librsvg2-bin")
+# The workbench opens a browser by xdg-open, and posts to webhooks by curl.
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "ffmpeg, librsvg2-bin, curl, xdg-utils, default-mta | mail-transport-agent")
 include(CPack)

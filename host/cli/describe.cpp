@@ -3,40 +3,17 @@
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
 #include "host/record/record_json.h"
+#include "host/session/protocol_json.h"
 #include "host/session/protocol_text.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <iostream>
 
 namespace vitreo::cli {
 namespace {
-
-// SI. A bound that is not finite is left out, since JSON has no infinity.
-nlohmann::json describe_json(const ProtocolDescription& protocol) {
-  nlohmann::json parameters = nlohmann::json::array();
-  for (const Parameter& p : protocol.parameters) {
-    nlohmann::json row = {
-        {"name", p.name}, {"kind", to_string(p.kind)}, {"unit", p.unit}, {"help", p.help}};
-    std::visit([&row](const auto& held) { row["default"] = held; }, p.fallback);
-    if (std::isfinite(p.min)) row["min"] = p.min;
-    if (std::isfinite(p.max)) row["max"] = p.max;
-    if (p.required) row["required"] = true;
-    if (!p.choices.empty()) row["choices"] = p.choices;
-    parameters.push_back(row);
-  }
-  return {{"name", protocol.name},
-          {"file", protocol.file},
-          {"title", protocol.title},
-          {"about", protocol.about},
-          {"needs", protocol.needs},
-          {"rig", protocol.rig},
-          {"simulated_only", protocol.simulated_only},
-          {"parameters", parameters}};
-}
 
 /// As it could be written on the command line: hold=5s.
 /// A default is printed as "5 s", and a blank would end the word in a shell. "..." stands for a
@@ -50,7 +27,7 @@ std::string argument_example(const ProtocolDescription& protocol) {
 }
 
 void describe(const ProtocolDescription& protocol, bool json) {
-  std::cout << (json ? dumped(describe_json(protocol)) + "\n" : describe_text(protocol));
+  std::cout << (json ? dumped(to_json(protocol)) + "\n" : describe_text(protocol));
 }
 
 /// A protocol that does not load is listed with its error.

@@ -42,6 +42,7 @@ int dispatch(int count, char** words) {
   cli::add_describe(line, program);
   cli::add_mask(line, program);
   cli::add_sweep(line, program);
+  cli::add_serve(line, program);
   cli::add_reproduce(line, program);
   cli::add_test(line, program);
   cli::add_records(line, program);

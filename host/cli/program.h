@@ -77,6 +77,7 @@ void add_faults(CommandLine& line, Program& program);
 void add_mask(CommandLine& line, Program& program);
 void add_soak(CommandLine& line, Program& program);
 void add_sweep(CommandLine& line, Program& program);
+void add_serve(CommandLine& line, Program& program);
 void add_reproduce(CommandLine& line, Program& program);
 void add_test(CommandLine& line, Program& program);
 void add_records(CommandLine& line, Program& program);

@@ -44,8 +44,10 @@ Verdict judge(const std::function<void()>& body, const RunControl& control) {
 nlohmann::json to_json(const RunResult& result) {
   nlohmann::json results = nlohmann::json::object();
   for (const StatedResult& one : result.results) results[one.name] = one.value;
-  nlohmann::json json = {
-      {"outcome", to_string(result.outcome)}, {"run", result.folder}, {"results", results}};
+  nlohmann::json json = {{"outcome", to_string(result.outcome)},
+                         {"exit_code", static_cast<int>(result.exit_code)},
+                         {"run", result.folder},
+                         {"results", results}};
   if (!result.reason.empty()) json["reason"] = result.reason;
   return json;
 }

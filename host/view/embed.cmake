@@ -25,39 +25,8 @@ if(NOT EXISTS ${dist}/index.html)
 <h1>This program has no live view page</h1><p>${failed}. With Node 18 or newer and npm (<code>make setup</code> installs them) remove
 <code>build/${preset}/CMakeCache.txt</code> and build again.</p></html>")
 endif()
-file(GLOB files RELATIVE ${dist} ${dist}/*)
-set(arrays "")
-set(rows "")
-set(index 0)
-foreach(file IN LISTS files)
-  string(REGEX REPLACE ".*\\." "" ending ${file})
-  set(type_html "text/html; charset=utf-8")
-  set(type_js "text/javascript; charset=utf-8")
-  set(type_css "text/css; charset=utf-8")
-  execute_process(COMMAND gzip -9 -n -c ${dist}/${file} OUTPUT_FILE ${BUILD}/packed COMMAND_ERROR_IS_FATAL ANY)
-  file(READ ${BUILD}/packed hex HEX)
-  string(REGEX REPLACE "(..)" "0x\\1," bytes ${hex})
-  string(APPEND arrays "const unsigned char file${index}[] = {${bytes}};\n")
-  string(APPEND rows "    asset(\"/${file}\", \"${type_${ending}}\", file${index}, sizeof file${index}),\n")
-  math(EXPR index "${index} + 1")
-endforeach()
-file(WRITE ${BUILD}/assets.cpp "// Made by host/view/embed.cmake.
-#include \"host/view/assets.h\"
-
-namespace vitreo::view {
-namespace {
-
-${arrays}
-Asset asset(const char* path, const char* type, const unsigned char* bytes, std::size_t count) {
-  return {path, type, {reinterpret_cast<const char*>(bytes), count}, true};
-}
-
-}  // namespace
-
-std::vector<Asset> page_assets() {
-  return {
-${rows}  };
-}
-
-}  // namespace vitreo::view
-")
+set(DIST ${dist})
+set(NAMESPACE vitreo::view)
+set(HEADER host/view/assets.h)
+set(FUNCTION page_assets)
+include(${CMAKE_CURRENT_LIST_DIR}/embed_files.cmake)

@@ -21,7 +21,7 @@ add_custom_command(
   OUTPUT ${page_build}/assets.cpp
   COMMAND ${CMAKE_COMMAND} -DSOURCE=${page_source} -DBUILD=${page_build} -DNPM=${page_npm}
           -P ${CMAKE_CURRENT_SOURCE_DIR}/host/view/embed.cmake
-  DEPENDS ${page_files} ${CMAKE_CURRENT_SOURCE_DIR}/host/view/embed.cmake
+  DEPENDS ${page_files} ${CMAKE_CURRENT_SOURCE_DIR}/host/view/embed.cmake ${CMAKE_CURRENT_SOURCE_DIR}/host/view/embed_files.cmake
   COMMENT "Building the page of the live view" VERBATIM)
 target_sources(vitreo_host PRIVATE ${page_build}/assets.cpp)
 # Beast's templates: half the time to compile, and no slower where it waits for the network anyway.

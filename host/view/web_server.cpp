@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
@@ -42,7 +43,6 @@ constexpr auto kTick = std::chrono::milliseconds(10);
 // A viewer that sends more is dropped: a person clicks less.
 constexpr int kMessagesPerSecond = 200;
 constexpr std::size_t kMostCookies = 10000;  // of browsers that came with the shared token
-constexpr const char* kCookie = "vitreo=";
 
 /// Comparison of secrets in a time that does not depend on where they differ.
 /// The length may show: it is no secret.
@@ -79,15 +79,15 @@ Response plain_reply(const Request& request, http::status status, const std::str
   return response;
 }
 
-/// The value of our cookie among those that a browser sent; "" when it is not there.
+/// The value of our cookie ("name=") among those that a browser sent; "" when it is not there.
 /// Cookies of other programs on the same host come along in one header, separated by "; " (RFC
 /// 6265, 4.2.1).
-std::string_view cookie_in(std::string_view header) {
+std::string_view cookie_in(std::string_view header, const std::string& name) {
   while (!header.empty()) {
     const std::size_t end = std::min(header.find(';'), header.size());
     std::string_view one = header.substr(0, end);
     while (one.starts_with(' ')) one.remove_prefix(1);
-    if (one.starts_with(kCookie)) return one.substr(std::string_view(kCookie).size());
+    if (one.starts_with(name)) return one.substr(name.size());
     header.remove_prefix(std::min(end + 1, header.size()));
   }
   return {};
@@ -127,8 +127,12 @@ struct WebServer::State {
   std::set<std::string, std::less<>> tokens, cookies;
   std::map<int, std::shared_ptr<Viewer>> viewers;
   int last_viewer = 0;
+  // Those that wait for the handler's reply; on the server's thread, as all that follows.
+  std::map<std::uint64_t, std::shared_ptr<Visitor>> asking;
+  std::uint64_t last_asked = 0;
 
   void listen();
+  void reply(std::uint64_t asked, WebReply given);
   void accept();
   void tick();
   std::string host() const {
@@ -143,9 +147,16 @@ struct WebServer::State {
   /// Whether the request has the cookie of an admitted browser; a program may send it as a bearer
   /// token (RFC 6750).
   bool known(const Request& request) {
-    std::string_view secret = cookie_in(view_of(request[http::field::cookie]));
+    std::string_view secret =
+        cookie_in(view_of(request[http::field::cookie]), settings.cookie + "=");
     const std::string_view bearer = view_of(request[http::field::authorization]);
-    if (bearer.starts_with("Bearer ")) secret = bearer.substr(7);
+    if (bearer.starts_with("Bearer ")) {
+      secret = bearer.substr(7);
+      // A program has no use for a cookie of its own.
+      if (settings.handler && !settings.shared_token.empty() &&
+          equal(settings.shared_token, secret))
+        return true;
+    }
     const std::lock_guard lock(mutex);
     return std::any_of(cookies.begin(), cookies.end(),
                        [&](const std::string& one) { return equal(one, secret); });
@@ -193,7 +204,8 @@ struct WebServer::State {
     if (!settings.subprotocols.empty()) return admits(request);
     return view_of(request.target()) == "/live" && known(request) && may_upgrade(request);
   }
-  Response answer(const Request& request);
+  std::optional<Response> answer(const Request& request);
+  Response admit(const Request& request, std::string_view token);
 };
 
 /// One open WebSocket.
@@ -367,6 +379,15 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
                        if (!error) self->take(self->parser_->release());
                      });
   }
+  /// On the server's thread.
+  void give(WebReply given) {
+    response_ = plain_reply(request_, static_cast<http::status>(given.status), "");
+    response_->set(http::field::content_type, given.type);
+    for (const auto& [name, value] : given.headers) response_->set(name, value);
+    response_->body() = std::move(given.body);
+    response_->keep_alive(request_.keep_alive());
+    write();
+  }
 
  private:
   void take(Request request) {
@@ -378,10 +399,30 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
       return;
     }
     response_ = state_.answer(request);
-    response_->keep_alive(request.keep_alive() && response_->result() == http::status::ok);
+    request_ = std::move(request);
+    if (!response_) return ask();
+    response_->keep_alive(request_.keep_alive() && response_->result() == http::status::ok);
+    write();
+  }
+  void ask() {
+    const std::uint64_t asked = ++state_.last_asked;
+    state_.asking[asked] = shared_from_this();
+    WebRequest wanted{std::string(view_of(request_.method_string())),
+                      std::string(view_of(request_.target())), std::move(request_.body())};
+    if (request_.method() == http::verb::head) wanted.method = "GET";
+    // By its number and not by a pointer to this visitor, which only the server's thread may let
+    // go of.
+    state_.settings.handler(std::move(wanted), [&state = state_, asked](WebReply given) {
+      asio::post(state.io, [&state, asked, given = std::move(given)]() mutable {
+        state.reply(asked, std::move(given));
+      });
+    });
+  }
+  void write() {
     response_->prepare_payload();
     // After prepare_payload(): the length is that of the whole.
-    if (request.method() == http::verb::head) response_->body().clear();
+    if (request_.method() == http::verb::head) response_->body().clear();
+    stream_.expires_after(state_.settings.patience);
     http::async_write(stream_, *response_,
                       [self = shared_from_this()](beast::error_code error, std::size_t) {
                         if (error) return;
@@ -396,17 +437,44 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
   beast::tcp_stream stream_;
   beast::flat_buffer received_;
   std::optional<http::request_parser<http::string_body>> parser_;
+  Request request_;
   std::optional<Response> response_;
 };
 
+void WebServer::State::reply(std::uint64_t asked, WebReply given) {
+  const auto found = asking.find(asked);
+  if (found == asking.end()) return;
+  const std::shared_ptr<Visitor> visitor = std::move(found->second);
+  asking.erase(found);
+  visitor->give(std::move(given));
+}
+
+/// The cookie of a browser that came with an invitation.
+Response WebServer::State::admit(const Request& request, std::string_view token) {
+  const auto cookie = exchange(token);
+  if (!cookie)
+    return plain_reply(request, http::status::forbidden,
+                       "this invitation was used already, or is none of ours\n");
+  Response response = plain_reply(request, http::status::see_other, "");
+  response.set(http::field::set_cookie,
+               // HttpOnly: no script reads it. SameSite: other sites do not send it. The redirect
+               // takes the token out of the address bar.
+               settings.cookie + "=" + *cookie + "; HttpOnly; SameSite=" +
+                   (settings.opened_by_links ? "Lax" : "Strict") + "; Path=/");
+  response.set(http::field::location, "/");
+  return response;
+}
+
 /// The answer to a request that is no WebSocket: host, method, invitation, cookie, then the file.
-Response WebServer::State::answer(const Request& request) {
+/// Nothing: it is the handler's.
+std::optional<Response> WebServer::State::answer(const Request& request) {
   const auto reply = [&request](http::status status, const std::string& text) {
     return plain_reply(request, status, text);
   };
   if (!is_ours(view_of(request[http::field::host])))
     return reply(http::status::forbidden, "this host is not ours\n");
-  if (request.method() != http::verb::get && request.method() != http::verb::head)
+  const bool reads = request.method() == http::verb::get || request.method() == http::verb::head;
+  if (!reads && !settings.handler)
     return reply(http::status::method_not_allowed,
                  "only GET: what changes something goes through the WebSocket\n");
   if (!settings.subprotocols.empty())
@@ -415,22 +483,14 @@ Response WebServer::State::answer(const Request& request) {
                      ", at the address that the program printed: it has a token in it\n");
   const std::string_view target = view_of(request.target());
   constexpr std::string_view kInvited = "/?token=";
-  if (target.starts_with(kInvited)) {
-    const auto cookie = exchange(target.substr(kInvited.size()));
-    if (!cookie)
-      return reply(http::status::forbidden,
-                   "this invitation was used already, or is none of ours\n");
-    Response response = reply(http::status::see_other, "");
-    response.set(http::field::set_cookie,
-                 // HttpOnly: no script reads it. SameSite: other sites do not send it. The redirect
-                 // takes the token out of the address bar.
-                 kCookie + *cookie + "; HttpOnly; SameSite=Strict; Path=/");
-    response.set(http::field::location, "/");
-    return response;
-  }
+  if (target.starts_with(kInvited)) return admit(request, target.substr(kInvited.size()));
   if (!known(request))
     return reply(http::status::forbidden,
                  "open the address that the program printed: it has an invitation in it\n");
+  // A cookie comes along with the form of any page; the origin says whose it was.
+  if (!reads && !may_upgrade(request))
+    return reply(http::status::forbidden,
+                 "what changes something comes from our own page, or with a bearer token\n");
   const std::string_view path = target == "/" ? "/index.html" : target;
   for (const Asset& asset : settings.assets) {
     if (asset.path != path) continue;
@@ -440,7 +500,10 @@ Response WebServer::State::answer(const Request& request) {
     return response;
   }
   const std::string made = callbacks.document ? callbacks.document(path) : "";
-  if (made.empty()) return reply(http::status::not_found, "there is no such page\n");
+  if (made.empty()) {
+    if (settings.handler) return std::nullopt;
+    return reply(http::status::not_found, "there is no such page\n");
+  }
   Response response = reply(http::status::ok, made);
   response.set(http::field::content_type, "text/html; charset=utf-8");
   response.set("Content-Security-Policy",

@@ -4,6 +4,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/view/web_request.h"
+
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -34,6 +36,16 @@ struct ServerSettings {
   /// Where there are some: no files; a WebSocket at any path that offers one of them is admitted by
   /// "?token=" and the shared token in its address, the first of them that it offers chosen.
   std::vector<std::string> subprotocols{};
+  /// Of the browsers' cookie: they keep those of all ports of a host together, so each server of a
+  /// machine wants its own.
+  std::string cookie = "vitreo";
+  /// A link in a mail or a file may open the page of a browser that was admitted: SameSite=Lax
+  /// instead of Strict. What changes something checks its origin in any case.
+  bool opened_by_links = false;
+  /// Answers what is no file; called on the server's thread, and does not wait. What would change
+  /// something (any method but GET and HEAD) reaches it from our own page or with a bearer token
+  /// alone, which may be the shared token. Empty: only GET, and only files.
+  RequestHandler handler{};
 };
 
 /// 128 bits from the system's generator, as 32 hexadecimal digits.

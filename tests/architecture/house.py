@@ -24,7 +24,7 @@ PEOPLE = re.compile(r"\b(nobody|somebody|whoever)\b", re.IGNORECASE)
 
 GOALS = {  # measure: the most that is allowed
     "floors of host/ by rooms": 8,
-    "arrows between rooms of host/, reduced": 25,  # 24 before host/channels, which both runs and view use
+    "arrows between rooms of host/, reduced": 27,  # 24 before host/channels, which both runs and view use; 25 before host/serve, over both
     "rings of rooms": 0,
     "modules in the largest ring": 2,
     "longest function, lines": 52,

@@ -56,6 +56,7 @@ inline const Strings kEngine = with(with(kSession, kRuns), {"host/engine/"});
 inline const Strings kView = with(kSession, {"host/view/", "host/channels/"});
 inline const Strings kTerminal = with(kSession, {"host/terminal/"});
 inline const Strings kTrials = with(kEngine, {"host/trials/"});
+inline const Strings kServe = with(with(kView, kRuns), {"host/serve/"});
 inline const Strings kInterpreter = with(kSession, {"host/lua/interpreter/"});
 inline const Strings kLuaOptics = with(kInterpreter, {"host/lua/optics/"});
 inline const Strings kLuaVision = with(kInterpreter, {"host/lua/vision/"});
@@ -200,6 +201,7 @@ inline const std::vector<Row> kTable{
     {"host/terminal/", kTerminal, {}, kOfHost, true},
     {"host/trials/soak_check.cpp", kTrials, {}, with(kOfHost, {"malloc.h"}), true},
     {"host/trials/", kTrials, {}, kOfHost, true},
+    {"host/serve/", kServe, {}, kOfHost, true},
     {"host/lua/interpreter/", kInterpreter, {}, with(kOfHost, {"lua.hpp"}), true},
     {"host/lua/optics/", kLuaOptics, {}, with(kOfHost, {"lua.hpp"}), true},
     {"host/lua/vision/", kLuaVision, {}, with(kOfHost, {"lua.hpp"}), true},

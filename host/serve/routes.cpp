@@ -1,0 +1,448 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/serve/routes.h"
+
+#include "host/config/config.h"
+#include "host/config/rights.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <functional>
+#include <map>
+#include <optional>
+#include <stdexcept>
+
+namespace vitreo::serve {
+namespace {
+
+using nlohmann::json;
+using view::WebReply;
+using view::WebRequest;
+
+constexpr std::size_t kEndedShown = 20;
+constexpr std::size_t kMostRuns = 500;  // in one answer
+constexpr std::size_t kMessagesShown = 20;
+
+/// Something that was asked for and is not there.
+class Missing : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// A request taken apart.
+struct Asked {
+  const WebRequest& request;
+  std::map<std::string, std::string> query;
+  std::vector<std::string> names;  // what stands for {id}, {name}
+  json body;                       // null where there is none
+};
+
+/// %41 and "+" (application/x-www-form-urlencoded). Throws ConfigError for half a code.
+std::string decoded(std::string_view text) {
+  std::string plain;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '+') {
+      plain += ' ';
+    } else if (text[i] == '%') {
+      int code = 0;
+      const auto end = text.data() + std::min(i + 3, text.size());
+      const auto read = std::from_chars(text.data() + i + 1, end, code, 16);
+      if (read.ptr != text.data() + i + 3) throw ConfigError("the address: has a broken % code");
+      plain += static_cast<char>(code);
+      i += 2;
+    } else {
+      plain += text[i];
+    }
+  }
+  return plain;
+}
+
+std::vector<std::string> split(const std::string& text, char separator) {
+  std::vector<std::string> parts;
+  std::size_t begin = 0;
+  while (begin <= text.size()) {
+    const std::size_t end = std::min(text.find(separator, begin), text.size());
+    if (end > begin) parts.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return parts;
+}
+
+std::int64_t whole(const std::string& name, const std::string& text) {
+  std::int64_t number = 0;
+  const auto read = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (read.ec != std::errc() || read.ptr != text.data() + text.size() || number < 0)
+    throw ConfigError(name + ": wants a whole number; got " + text.substr(0, 40));
+  return number;
+}
+
+std::string value_or(const Asked& asked, const std::string& name, const std::string& otherwise) {
+  const auto found = asked.query.find(name);
+  return found == asked.query.end() ? otherwise : found->second;
+}
+
+WebReply reply(const json& body, int status = 200) {
+  return {status, body.dump(-1, ' ', false, json::error_handler_t::replace)};
+}
+
+/// A message without the channel's secrets.
+json shown(const Message& message) {
+  json one = to_json(message);
+  one["channel"] = channel_text(json::parse(message.channel));
+  return one;
+}
+
+json messages_json(Parts& parts) {
+  json list = json::array();
+  for (const Message& message : parts.queue.messages(kMessagesShown))
+    list.push_back(shown(message));
+  return list;
+}
+
+const json& body_of(const Asked& asked) {
+  if (!asked.body.is_object()) throw ConfigError("the body: wants a JSON object");
+  return asked.body;
+}
+
+std::int64_t id_of(const Asked& asked) { return whole("the job's number", asked.names.at(0)); }
+
+Job job_of(const Asked& asked, Parts& parts) {
+  const auto job = parts.queue.find(id_of(asked));
+  if (!job) throw Missing(fmt::format("there is no job {}", id_of(asked)));
+  return *job;
+}
+
+std::optional<std::int64_t> before_of(json& body) {
+  const auto found = body.find("before");
+  if (found == body.end()) return std::nullopt;
+  const json value = *found;
+  body.erase(found);
+  if (value.is_null()) return std::nullopt;
+  if (!value.is_number_integer()) throw ConfigError("before: wants a job's number");
+  return value.get<std::int64_t>();
+}
+
+bool take_flag(json& body, const char* key) {
+  const auto found = body.find(key);
+  if (found == body.end()) return false;
+  if (!found->is_boolean()) throw ConfigError(std::string(key) + ": wants true or false");
+  const bool value = found->get<bool>();
+  body.erase(found);
+  return value;
+}
+
+/// "values", as they were typed into a form, become arguments; more than one value a sweep.
+JobRequest request_with_values(json body, Parts& parts) {
+  const json values = body.contains("values") ? body["values"] : json();
+  body.erase("values");
+  JobRequest request = request_of(body);
+  if (values.is_null()) return request;
+  if (!request.arguments.empty()) throw ConfigError("values, arguments: give one of them");
+  const json checked = parts.forms.check(request.protocol, values, request.repeats);
+  if (!checked["errors"].empty()) {
+    const auto first = checked["errors"].items().begin();
+    throw ConfigError((first.key().empty() ? "" : first.key() + ": ") +
+                      first.value().get<std::string>());
+  }
+  request.arguments = checked["arguments"].get<std::vector<std::string>>();
+  request.sweep = request.sweep || checked["sweep"].get<bool>();
+  return request;
+}
+
+WebReply add_job(const Asked& asked, Parts& parts) {
+  json body = body_of(asked);
+  const bool attended = take_flag(body, "attended");
+  const auto before = before_of(body);
+  Job job;
+  job.request = request_with_values(body, parts);
+  job.title = parts.forms.check(job.request);
+  job.added = seconds_now();
+  if (attended) job.attended_until = job.added + Dispatcher::kAttended;
+  const std::int64_t id = parts.queue.add(job, before);
+  return reply(to_json(*parts.queue.find(id)), 201);
+}
+
+WebReply edit_job(const Asked& asked, Parts& parts) {
+  const Job job = job_of(asked, parts);
+  json merged = to_json(job.request);
+  if (body_of(asked).contains("values")) merged.erase("arguments");
+  merged.update(body_of(asked));
+  const JobRequest request = request_with_values(merged, parts);
+  if (request.protocol != job.request.protocol)
+    throw ConfigError("protocol: another one is another job; add that");
+  parts.forms.check(request);
+  parts.queue.set_request(job.id, request);
+  return reply(to_json(*parts.queue.find(job.id)));
+}
+
+WebReply move_job(const Asked& asked, Parts& parts) {
+  json body = body_of(asked);
+  parts.queue.move(job_of(asked, parts).id, before_of(body));
+  return reply({{"ok", true}});
+}
+
+// A person is there: it is next, at once.
+WebReply start_job(const Asked& asked, Parts& parts) {
+  const Job job = job_of(asked, parts);
+  JobRequest request = job.request;
+  if (request.due > seconds_now()) {
+    request.due = 0;
+    parts.queue.set_request(job.id, request);
+  }
+  const std::vector<Job> waiting = parts.queue.waiting();
+  if (!waiting.empty() && waiting.front().id != job.id)
+    parts.queue.move(job.id, waiting.front().id);
+  parts.queue.attend(job.id, seconds_now() + Dispatcher::kAttended);
+  return reply(to_json(*parts.queue.find(job.id)));
+}
+
+WebReply remove_job(const Asked& asked, Parts& parts) {
+  parts.queue.remove(job_of(asked, parts).id);
+  return reply({{"ok", true}});
+}
+
+WebReply show_job(const Asked& asked, Parts& parts) {
+  const Job job = job_of(asked, parts);
+  json shown = to_json(job);
+  shown["said"] = parts.dispatcher.said(job.id);
+  return reply(shown);
+}
+
+WebReply show_queue(const Asked&, Parts& parts) {
+  json jobs = json::array();
+  for (const Job& job : parts.queue.waiting()) jobs.push_back(to_json(job));
+  return reply(
+      {{"held", parts.queue.held()}, {"why_held", parts.queue.why_held()}, {"jobs", jobs}});
+}
+
+WebReply hold_queue(const Asked& asked, Parts& parts) {
+  json body = body_of(asked);
+  if (!body.contains("held")) throw ConfigError("held: is missing");
+  const bool held = take_flag(body, "held");
+  parts.queue.set_held(held, held ? "held by a person" : "");
+  return reply({{"held", held}});
+}
+
+WebReply ended_jobs(const Asked& asked, Parts& parts) {
+  const auto most = static_cast<std::size_t>(whole("most", value_or(asked, "most", "100")));
+  json jobs = json::array();
+  for (const Job& job : parts.queue.ended(std::min(most, kMostRuns))) jobs.push_back(to_json(job));
+  return reply({{"jobs", jobs}});
+}
+
+// The control socket's request and reply as they are; its own "by" is kept where it is given.
+WebReply control(const Asked& asked, Parts& parts) {
+  json request = body_of(asked);
+  if (!request.contains("do")) throw ConfigError("wants {\"do\": WORD}");
+  if (!request.contains("by")) request["by"] = account_name() + " at the workbench";
+  const json answered = parts.dispatcher.command(request);
+  return reply(answered, answered.value("ok", false) ? 200 : 400);
+}
+
+WebReply run_now(const Asked&, Parts& parts) { return reply(parts.dispatcher.running()); }
+
+WebReply list_runs(const Asked& asked, Parts& parts) {
+  const auto most = static_cast<std::size_t>(whole("most", value_or(asked, "most", "100")));
+  const auto skip = static_cast<std::size_t>(whole("skip", value_or(asked, "skip", "0")));
+  return reply(parts.shelf.runs(value_or(asked, "find", ""),
+                                split(value_or(asked, "columns", ""), ','), skip,
+                                std::min(most, kMostRuns)));
+}
+
+WebReply rehearse(const Asked& asked, Parts& parts) {
+  json body = body_of(asked);
+  body["protocol"] = asked.names.at(0);
+  const JobRequest request = request_with_values(body, parts);
+  parts.forms.check(request);
+  if (request.sweep) throw ConfigError("a sweep is not rehearsed; its first point is checked");
+  return reply(parts.dispatcher.rehearse(request));
+}
+
+WebReply check_values(const Asked& asked, Parts& parts) {
+  const json& body = body_of(asked);
+  const json repeats = body.value("repeats", json(1));
+  if (!repeats.is_number_integer() || repeats < 1 || repeats > 100'000)
+    throw ConfigError("repeats: wants a whole number from 1 to 100000");
+  return reply(parts.forms.check(asked.names.at(0), body.value("values", json::object()), repeats));
+}
+
+WebReply compare(const Asked& asked, Parts& parts) {
+  return reply(parts.shelf.compare(split(value_or(asked, "runs", ""), ',')));
+}
+
+WebReply compare_page(const Asked& asked, Parts& parts) {
+  return sandboxed(parts.shelf.comparison_page(split(value_or(asked, "runs", ""), ',')),
+                   "text/html; charset=utf-8");
+}
+
+// The live view is a server of its own, of the run's process; its token goes to a browser that was
+// admitted here, and to no other.
+WebReply live_view(const Asked&, Parts& parts) {
+  const std::string address = parts.dispatcher.live_view();
+  if (address.empty()) throw Missing("there is no live view now: no run goes on");
+  WebReply moved{303, "", "text/plain"};
+  moved.headers.emplace_back("Location", address + "?token=" + parts.live_token);
+  return moved;
+}
+
+WebReply tell_test(const Asked&, Parts& parts) {
+  const MessageSettings settings = read_message_settings(parts.messages);
+  if (settings.channels.empty())
+    throw ConfigError("nothing is told: " + parts.messages.string() + " has no messages");
+  parts.queue.add_messages(messages_for(settings, Occasion::failure, 0,
+                                        "a test of the workbench's messages",
+                                        "Nothing has happened.", seconds_now()));
+  return reply({{"ok", true}}, 202);
+}
+
+WebReply show_messages(const Asked&, Parts& parts) {
+  json channels = json::array();
+  std::string error;
+  try {
+    for (const json& one : read_message_settings(parts.messages).channels)
+      channels.push_back({{"to", channel_text(one)}, {"when", one.value("when", "failed")}});
+  } catch (const ConfigError& wrong) {
+    error = wrong.what();
+  }
+  return reply({{"channels", channels}, {"error", error}, {"messages", messages_json(parts)}});
+}
+
+struct Route {
+  const char* method;
+  const char* path;
+  WebReply (*answer)(const Asked&, Parts&);
+};
+
+const std::vector<Route>& routes() {
+  static const std::vector<Route> kRoutes{
+      {"GET", "/api/state", [](const Asked&, Parts& parts) { return reply(state_of(parts)); }},
+      {"GET", "/api/protocols",
+       [](const Asked&, Parts& parts) { return reply(parts.forms.protocols()); }},
+      {"GET", "/api/protocols/{name}",
+       [](const Asked& asked, Parts& parts) { return reply(parts.forms.form(asked.names.at(0))); }},
+      {"POST", "/api/protocols/{name}/check", check_values},
+      {"POST", "/api/protocols/{name}/rehearse", rehearse},
+      {"GET", "/api/rigs", [](const Asked&, Parts& parts) { return reply(parts.forms.rigs()); }},
+      {"GET", "/api/queue", show_queue},
+      {"POST", "/api/queue", add_job},
+      {"POST", "/api/queue/hold", hold_queue},
+      {"PUT", "/api/queue/{id}", edit_job},
+      {"DELETE", "/api/queue/{id}", remove_job},
+      {"POST", "/api/queue/{id}/move", move_job},
+      {"POST", "/api/queue/{id}/start", start_job},
+      {"GET", "/api/jobs", ended_jobs},
+      {"GET", "/api/jobs/{id}", show_job},
+      {"GET", "/api/run", run_now},
+      {"POST", "/api/run", control},
+      {"GET", "/api/runs", list_runs},
+      {"GET", "/api/runs/{name}",
+       [](const Asked& asked, Parts& parts) { return reply(parts.shelf.run(asked.names.at(0))); }},
+      {"GET", "/api/compare", compare},
+      {"GET", "/api/sweeps",
+       [](const Asked&, Parts& parts) { return reply(parts.shelf.sweeps()); }},
+      {"GET", "/api/messages", show_messages},
+      {"POST", "/api/messages/test", tell_test},
+      {"GET", "/compare", compare_page},
+      {"GET", "/live_view", live_view},
+  };
+  return kRoutes;
+}
+
+/// What stands for the names in braces; nothing where the path is another one.
+std::optional<std::vector<std::string>> matched(const std::string& pattern,
+                                                const std::vector<std::string>& parts) {
+  const std::vector<std::string> wanted = split(pattern, '/');
+  if (wanted.size() != parts.size()) return std::nullopt;
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (wanted[i].starts_with('{'))
+      names.push_back(decoded(parts[i]));
+    else if (wanted[i] != parts[i])
+      return std::nullopt;
+  }
+  return names;
+}
+
+std::map<std::string, std::string> query_of(const std::string& text) {
+  std::map<std::string, std::string> query;
+  for (const std::string& pair : split(text, '&')) {
+    const std::size_t equals = pair.find('=');
+    query[decoded(pair.substr(0, equals))] =
+        equals == std::string::npos ? "" : decoded(pair.substr(equals + 1));
+  }
+  return query;
+}
+
+WebReply find_and_answer(const WebRequest& request, Parts& parts) {
+  const std::size_t mark = request.target.find('?');
+  const std::string path = request.target.substr(0, mark);
+  const std::vector<std::string> words = split(path, '/');
+  bool known = false;
+  for (const Route& route : routes()) {
+    auto names = matched(route.path, words);
+    if (!names) continue;
+    known = true;
+    if (request.method != route.method) continue;
+    Asked asked{request, {}, std::move(*names), nullptr};
+    if (mark != std::string::npos) asked.query = query_of(request.target.substr(mark + 1));
+    if (!request.body.empty()) {
+      asked.body = json::parse(request.body, nullptr, false);
+      if (asked.body.is_discarded()) throw ConfigError("the body: is no JSON");
+    }
+    return route.answer(asked, parts);
+  }
+  if (known)
+    return reply({{"error", "this address does not take " + request.method.substr(0, 20)}}, 405);
+  if (request.method == "GET" && (path.starts_with("/runs/") || path.starts_with("/sweeps/")))
+    return parts.shelf.file(decoded(path));
+  throw Missing("there is no such address; /openapi.json lists them");
+}
+
+}  // namespace
+
+WebReply answer(const WebRequest& request, Parts& parts) {
+  const auto failed = [](int status, const char* what) { return reply({{"error", what}}, status); };
+  try {
+    return find_and_answer(request, parts);
+  } catch (const Missing& error) {
+    return failed(404, error.what());
+  } catch (const ConfigError& error) {
+    return failed(400, error.what());
+  } catch (const ScriptError& error) {
+    return failed(400, error.what());
+  } catch (const std::invalid_argument& error) {
+    return failed(400, error.what());
+  } catch (const std::exception& error) {
+    return failed(500, error.what());
+  }
+}
+
+json state_of(Parts& parts) {
+  json ended = json::array();
+  for (const Job& job : parts.queue.ended(kEndedShown)) ended.push_back(to_json(job));
+  json waiting = json::array();
+  for (const Job& job : parts.queue.waiting()) waiting.push_back(to_json(job));
+  return {{"version", parts.version},
+          {"operator", account_name()},
+          {"time", seconds_now()},
+          {"held", parts.queue.held()},
+          {"why_held", parts.queue.why_held()},
+          {"waiting", waiting},
+          {"running", parts.dispatcher.running()},
+          {"ended", ended},
+          {"messages", messages_json(parts)}};
+}
+
+std::vector<std::string> route_names() {
+  std::vector<std::string> names;
+  for (const Route& route : routes()) names.push_back(std::string(route.method) + " " + route.path);
+  return names;
+}
+
+bool is_urgent(const WebRequest& request) {
+  return request.method == "POST" && request.target.starts_with("/api/run") &&
+         !request.target.starts_with("/api/runs");
+}
+
+}  // namespace vitreo::serve
