@@ -244,5 +244,32 @@ TEST(PipedPrompt, LongAndOpenEndedInputIsRefusedNotSwallowed) {
       << spoken.err.substr(0, 300);
 }
 
+// The goal of issue 24: grab, look, track, fit and plot in at most ten lines, without leaving the
+// terminal.
+TEST(TerminalPrompt, GrabLookTrackFitAndPlotTakeTenLines) {
+  const Workplace place;
+  setenv("VITREO_GRAPHICS", "braille", 1);
+  Terminal terminal(place.folder(), "--seed 3", 100);
+  unsetenv("VITREO_GRAPHICS");
+  EXPECT_TRUE(terminal.sees("record in ")) << "the banner names rig and folder";
+  ASSERT_TRUE(terminal.prompts()) << terminal.unseen();
+  const auto enter = [&terminal](const std::string& line, const std::string& shown) {
+    terminal.type(line + "\r");
+    EXPECT_TRUE(terminal.sees(shown, std::chrono::seconds(60))) << line << ": " << terminal.unseen();
+    EXPECT_TRUE(terminal.prompts()) << line << ": " << terminal.unseen();
+  };
+  enter("image = rig.top_camera:grab().image; show(image)", "\u28ff");  // a cell that is all lit
+  enter("background = rig:learn_background { frames = 15 }", "");
+  enter("rig.sample:insert_robot(vector(0, 0, 0))", "");
+  enter("servo = rig:servo { background = background, field = 10 * mT }", "");
+  enter("start = run:now(); servo:hold(vector(0, 0, 0)); run:wait(2 * s)", "");
+  enter("seen = run:samples('servo', { 'x' }, { from = start })", "");
+  enter("found = fit.line(seen.time, seen.x)", "");
+  enter("found.slope_sigma > 0", "true");
+  enter("plot(seen.time, { seen.x, found.y }, { x = { 'time', 's' }, y = { 'x', 'um' } })", "x (\u00b5m)");
+  terminal.type("exit\r");
+  EXPECT_EQ(terminal.end(), 0);
+}
+
 }  // namespace
 }  // namespace vitreo

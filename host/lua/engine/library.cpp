@@ -2,6 +2,7 @@
 #include "host/lua/engine/library.h"
 
 #include "host/lua/control/bind_control.h"
+#include "host/lua/control/bind_fit.h"
 #include "host/lua/optics/classes.h"
 #include "host/lua/prompt/prompt_calls.h"
 #include "host/lua/reference/help.h"
@@ -47,6 +48,7 @@ const Library& library() {
                                 .prompt = &prompt_functions(),
                                 .modules = {{"optics", &optics_functions()},
                                             {"control", &control_functions()},
+                                            {"fit", &fit_functions()},
                                             {"vision", &vision_functions()},
                                             {"files", &files_functions()}}};
   return kLibrary;

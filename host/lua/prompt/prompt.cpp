@@ -6,10 +6,13 @@
 #include "host/lua/interpreter/values.h"
 #include "host/lua/prompt/completion.h"
 #include "host/lua/prompt/prompt_calls.h"
+#include "host/lua/prompt/prompt_see.h"
 #include "host/lua/prompt/prompt_show.h"
 #include "host/lua/reference/reference.h"
 #include "host/lua/script/running.h"
 #include "host/runs/results_text.h"
+
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cctype>
@@ -39,6 +42,8 @@ class Prompt {
   void end_nested();
   std::vector<StatedResult> stated_results();
   void show_results(int count);
+  void greet();
+  bool leaves(const std::string& line) const;
   void refuse(const std::string& message, const std::string& trace = "");
   void expand_help();
   void forget();
@@ -231,6 +236,34 @@ void Prompt::take_line(const std::string& line) {
   forget();
 }
 
+/// Which rig, where the record goes, and what to type first.
+void Prompt::greet() {
+  const Session& session = *script_.context().session;
+  const nlohmann::json& rig = session.recorder.start().rig;
+  const std::string file = rig.is_object() ? rig.value("file", "") : "";
+  session.listener.message("Vitreo" + (file.empty() ? "" : ", rig " + file) + "; record in " +
+                           session.recorder.folder().string());
+  session.listener.message(
+      "help() tells what there is, help(\"drift\") about a topic; show(image) and plot(x, y) draw "
+      "here; exit leaves");
+}
+
+/// "exit" and "quit" by themselves, where a statement would begin and the script has no such name of
+/// its own.
+bool Prompt::leaves(const std::string& line) const {
+  if (!chunk_.empty()) return false;
+  std::string word;
+  for (const char c : line)
+    if (std::isspace(static_cast<unsigned char>(c)) == 0 && c != ';') word += c;
+  if (word.ends_with("()")) word.resize(word.size() - 2);
+  if (word != "exit" && word != "quit") return false;
+  lua_pushglobaltable(L_);
+  lua_pushstring(L_, word.c_str());
+  const bool own = lua_rawget(L_, -2) != LUA_TNIL;
+  lua_pop(L_, 2);
+  return !own;
+}
+
 /// While somebody thinks, the loop goes on holding the robot.
 bool Prompt::read_line(std::string& line) {
   Session& session = *script_.context().session;
@@ -267,6 +300,7 @@ PromptEnd Prompt::run() {
     context.print = [this](const std::string& text) { out_ << text << std::endl; };
   context.remembers_results = true;
   in_lua(L_, 0, [this] {
+    set_prompt_screen(L_, out_, in_.interactive());
     open_prompt_calls(L_);
     lua_settop(L_, 0);
   });
@@ -284,7 +318,8 @@ PromptEnd Prompt::run() {
     return words;
   });
   context.session->control.set_idle(true);
-  for (std::string line; read_line(line);) take_line(line);
+  if (in_.interactive()) greet();
+  for (std::string line; read_line(line) && !leaves(line);) take_line(line);
   if (!chunk_.empty()) {
     in_lua(L_, 0, [this] { load(); });
     refuse(lua_tostring(L_, -1));

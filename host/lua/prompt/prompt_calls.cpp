@@ -5,6 +5,7 @@
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
 #include "host/lua/interpreter/values.h"
+#include "host/lua/prompt/prompt_see.h"
 #include "host/lua/prompt/prompt_show.h"
 #include "host/lua/reference/reference.h"
 #include "host/lua/rig/bind_rig.h"
@@ -305,6 +306,7 @@ void open_prompt_calls(lua_State* L) {
   lua_pushboolean(L, context_of(L).session->real_time);
   lua_call(L, 5, 1);
   lua_setglobal(L, "watch");
+  open_follow(L);
 }
 
 }  // namespace vitreo::lua

@@ -23,10 +23,10 @@ void check_roles(const ProtocolDescription& protocol, const Rig& rig);
 std::map<std::string, ArgumentValue> given_parameters(lua_State* L, int table,
                                                       const ProtocolDescription& protocol);
 
-/// check(): rows that only the prompt has.
+/// check(), show(), plot(): rows that only the prompt has.
 const std::vector<Binding>& prompt_functions();
 
-/// Sets the globals rig, run, units, check, watch; makes `run` callable and units known by their
+/// Sets the globals rig, run, units, check, watch, follow, show, plot; makes `run` callable and units known by their
 /// bare names.
 void open_prompt_calls(lua_State* L);
 

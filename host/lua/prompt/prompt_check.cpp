@@ -6,6 +6,7 @@
 #include "host/files/child_process.h"
 #include "host/lua/interpreter/calculation.h"
 #include "host/lua/prompt/prompt_calls.h"
+#include "host/lua/prompt/prompt_see.h"
 #include "host/text/units.h"
 
 #include <fmt/format.h>
@@ -98,7 +99,9 @@ int check(Call& call) {
 }  // namespace
 
 const std::vector<Binding>& prompt_functions() {
-  static const std::vector<Binding> functions = {
+  static const std::vector<Binding> functions = [] {
+    std::vector<Binding> rows = prompt_see_functions();
+    rows.push_back(
       {"check",
        {{.name = "protocol", .type = Type::text, .help = "a name or a file"},
         {.name = "parameters",
@@ -110,7 +113,9 @@ const std::vector<Binding>& prompt_functions() {
        "dry "
        "run on the rig's twin",
        check,
-       "check(\"drift_test\", { hold = 5 * units.s })"}};
+       "check(\"drift_test\", { hold = 5 * units.s })"});
+    return rows;
+  }();
   return functions;
 }
 

@@ -84,6 +84,52 @@ std::string long_table(lua_State* L, int index, const FieldUnits& units) {
   return text + "\n}";
 }
 
+/// A list of tables of the same plain fields as columns, a line for each; "" where it is none. Lists
+/// and tables within are no plain fields.
+std::string in_columns(lua_State* L, int index, const FieldUnits& units) {
+  constexpr lua_Integer kShown = 60;
+  const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));
+  if (count < 2) return "";
+  std::vector<std::string> names;
+  std::vector<std::vector<std::string>> rows;
+  for (lua_Integer i = 1; i <= std::min(count, kShown); ++i) {
+    if (lua_rawgeti(L, index, i) != LUA_TTABLE || to_vector(L, lua_gettop(L)))
+      return lua_pop(L, 1), "";
+    const int row = lua_gettop(L);
+    push_sorted_keys(L, row);
+    const int keys = lua_gettop(L);
+    std::vector<std::string> fields, cells;
+    bool plain = lua_rawlen(L, keys) > 0;
+    for (lua_Integer k = 1; plain && k <= static_cast<lua_Integer>(lua_rawlen(L, keys)); ++k) {
+      lua_rawgeti(L, keys, k);
+      plain = lua_type(L, -1) == LUA_TSTRING;
+      if (plain) fields.push_back(plain_text(L, lua_gettop(L)));
+      lua_rawget(L, row);
+      plain = plain && (!lua_istable(L, -1) || to_vector(L, lua_gettop(L)));
+      if (plain) cells.push_back(pretty_field(L, fields.back(), lua_gettop(L), 2, units));
+      lua_pop(L, 1);
+    }
+    lua_settop(L, row - 1);
+    if (!plain || (i > 1 && fields != names)) return "";
+    names = std::move(fields);
+    rows.push_back(std::move(cells));
+  }
+  rows.insert(rows.begin(), names);
+  std::vector<std::size_t> widths(names.size());
+  for (const auto& row : rows)
+    for (std::size_t k = 0; k < row.size(); ++k) widths[k] = std::max(widths[k], columns_of(row[k]));
+  std::string text;
+  for (const auto& row : rows) {
+    for (std::size_t k = 0; k < row.size(); ++k)
+      text += (k > 0 ? "  " : "") + row[k] +
+              (k + 1 < row.size() ? std::string(widths[k] - columns_of(row[k]), ' ') : "");
+    text += "\n";
+  }
+  if (count > kShown) return text + "... " + std::to_string(count - kShown) + " more";
+  text.pop_back();
+  return text;
+}
+
 /// A handle: what it is, and what can be asked of it.
 std::string handle_text(lua_State* L, const Class& kind) {
   std::vector<std::string> names;
@@ -114,6 +160,8 @@ std::string show_value(lua_State* L, int index, const Context::Result& from) {
   const std::string unit = called ? unit_of_result(*from.call) : "";
   if (const auto text = unit.empty() ? std::nullopt : in_peoples_unit(L, index, unit)) return *text;
   const FieldUnits units = called ? units_of_fields(*from.call) : FieldUnits();
+  if (lua_istable(L, index))
+    if (std::string columns = in_columns(L, index, units); !columns.empty()) return columns;
   const std::string text = pretty(L, index, 3, units);
   const bool plain_table =
       lua_istable(L, index) && luaL_getmetafield(L, index, "__tostring") == LUA_TNIL;

@@ -61,6 +61,11 @@ std::string words_help(lua_State* L, const std::string& word) {
   if (word == "vector")
     return "vector(x, y, z)\n  a vector with arithmetic; v.x, v:norm(), v:dot(w)\n"
            "  for instance: vector(0, 0, 1 * units.mm)\n";
+  if (word == "follow")
+    return "follow(protocol, {parameters})\n  at the prompt: runs a protocol as run() does, shows each "
+           "row that it records as a line of a table, and plots them at the end\n  for instance: "
+           "follow(\"drift_test\", { hold = 2 * s })\n" +
+           help_about(*context_of(L).library, "servo:follow");
   if (word == "watch")
     return "watch(object, {every, count})\n  at the prompt: shows what an object or a function "
            "tells, again and again, "
@@ -74,7 +79,15 @@ std::string words_help(lua_State* L, const std::string& word) {
   if (const std::string file = find_protocol(context, word);
       !file.empty() && word.find('/') == std::string::npos)
     return protocol_text(describe_protocol(*context.library, file, context.folders));
-  return help_about(*context.library, word);
+  try {
+    return help_about(*context.library, word);
+  } catch (const std::invalid_argument&) {
+    std::string topic = topic_help(*context.library, word);
+    for (const std::string& name : protocol_names(context))
+      if (name.find(word) != std::string::npos) topic += "  protocol " + name + "\n";
+    if (topic.empty()) throw;
+    return "about " + word + ":\n" + topic;
+  }
 }
 
 int help(Call& call) {

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <stdexcept>
 #include <string_view>
@@ -312,6 +313,26 @@ std::string overview(const Library& library) {
   return text +
          "  units: units.mm, units.mm_per_s ...: numbers are SI, so write 50*units.um\n"
          "  vector(x, y, z): a vector with arithmetic; v.x, v:norm()\n";
+}
+
+// At the beginning of a word: "image" finds images, and "age" finds no image.
+std::string topic_help(const Library& library, const std::string& word) {
+  constexpr int kMost = 30;
+  const auto has = [&word](const std::string& text) {
+    std::string low;
+    for (const char c : text) low += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    for (std::size_t at = low.find(word); at != std::string::npos; at = low.find(word, at + 1))
+      if (at == 0 || std::isalpha(static_cast<unsigned char>(low[at - 1])) == 0) return true;
+    return false;
+  };
+  std::string text;
+  int count = 0;
+  for (const Entry& entry : all_entries(library)) {
+    if (!has(entry.row->name) && !has(entry.row->doc)) continue;
+    if (++count > kMost) return text + "  and more: docs/reference/api.md has all of them\n";
+    text += "  " + full_name(entry.owner, *entry.row) + ": " + entry.row->doc + "\n";
+  }
+  return text;
 }
 
 // From the certain to the doubtful: a class, a call by its full name, a module, the units, a method

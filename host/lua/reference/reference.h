@@ -22,6 +22,8 @@ struct Entry {
 std::vector<const Binding*> all_functions(const Library& library);
 /// Every call, classes first.
 std::vector<Entry> all_entries(const Library& library);
+/// Calls whose name or line of help has the word, as lines; "" where there is none.
+std::string topic_help(const Library& library, const std::string& word);
 /// "control", "vision", "vision.focus", ...: what stands before a function's last dot.
 std::vector<std::string> module_names(const Library& library);
 /// "servo:go_to", "servo.go_to", "control.line"; a method's name alone where no function has it.

@@ -111,5 +111,57 @@ TEST_F(Prompt, EveryBindingIsDocumented) {
   EXPECT_EQ(out.find("error"), out.find("errors({of")) << out;
 }
 
+TEST_F(Prompt, ShowsImagesAndPlotsAsPlainTextWhereThereIsNoTerminal) {
+  const std::string image = prompt("show(rig.top_camera:grab().image)\n");
+  EXPECT_NE(image.find("\u2800"), std::string::npos) << "cells of Braille: " << image;
+  EXPECT_EQ(image.find('\x1b'), std::string::npos) << "no escape sequences in a pipe";
+  const std::string plot = prompt(
+      "plot({ 0, 1, 2, 3 }, { { 0, 1e-6, 4e-6, 9e-6 }, { 0, 3e-6, 6e-6, 9e-6 } }, { title = 'Error', "
+      "x = { 'time', 's' }, y = { 'error', 'um' }, labels = { 'measured', 'line' } })\n");
+  expect_all(plot, {"Error\n", "error (\u00b5m)\n", "8 \u2524", "time (s)", "measured", "line"});
+  EXPECT_EQ(plot.find('\x1b'), std::string::npos);
+  expect_all(prompt("plot({ 1, 2 }, { 1 })\nplot({ 1 }, 'x')\n"),
+             {"plot: y has 1 numbers, x has 2", "plot: y: wants"});
+}
+
+TEST_F(Prompt, ListsOfTablesStandInColumns) {
+  EXPECT_EQ(prompt("{ { name = 'a', n = 1 }, { name = 'long', n = 20 } }\n"),
+            "n   name\n1   \"a\"\n20  \"long\"\n");
+  EXPECT_EQ(prompt("{ { a = 1 }, { b = 1 } }\n"), "{{a = 1}, {b = 1}}\n") << "different fields";
+}
+
+TEST_F(Prompt, FollowShowsARowOfATableForEachOneThatIsRecorded) {
+  const auto file = folder.path() / "counts.lua";
+  std::ofstream(file) << "return { title = 'Counts', run = function(rig, p, run)\n"
+                         "  for i = 1, 4 do run:record('count', { n = i, far = i * 1e-6 }, { far = 'm' }) end\n"
+                         "end }\n";
+  const std::string out = prompt("follow('" + file.string() + "')\nfollow?\n");
+  expect_all(out, {"count", "far", "3 \u00b5m", "far (\u00b5m)", "follow(protocol, {parameters})"});
+}
+
+TEST_F(Prompt, HelpFindsCallsByTopic) {
+  expect_all(prompt("help('plot')\n"), {"plot(x, y, "});
+  expect_all(prompt("help('histogram')\nhelp('stabil')\n"), {"about ", ": "});
+  expect_all(prompt("help('xyzzy')\n"), {"nothing is called xyzzy"});
+}
+
+TEST_F(Prompt, ExitAndQuitLeaveUnlessTheyAreNamesOfOnesOwn) {
+  EXPECT_EQ(prompt("1\nexit\n2\n"), "1\n");
+  EXPECT_EQ(prompt("1\nquit()\n2\n"), "1\n");
+  EXPECT_EQ(prompt("exit = 5\nexit\n2\n"), "5\n2\n");
+}
+
+TEST_F(Prompt, FitsTellParametersWithTheirSigmasAndLetErrorsThrough) {
+  expect_all(prompt("f = fit.line({ 0, 1, 2, 3 }, { 0.1, 0.9, 2.1, 2.9 })\nf.slope\nf.degrees_of_freedom\n"),
+             {"0.96", "2"});
+  expect_all(prompt("fit.custom(function(x, a, b) return a * x ^ b end, { 1, 2, 3, 4 }, { 2, 8, 18, 32 }, { 1, 1 })"
+                    ".parameters\n"),
+             {"{2, 2}"});
+  expect_all(prompt("fit.custom(function(x, a) error('mine') end, { 1, 2, 3 }, { 1, 2, 3 }, { 1 })\n"
+                    "fit.custom(function(x, a) return 'x' end, { 1, 2, 3 }, { 1, 2, 3 }, { 1 })\n"
+                    "fit.line({ 1, 2 }, { 1, 2 })\n"),
+             {"mine", "f: wants a number back, got a string", "x: wants more than 2 samples"});
+}
+
 }  // namespace
 }  // namespace vitreo
