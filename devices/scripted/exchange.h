@@ -37,13 +37,10 @@ class Exchange : public Operations {
   /// instrument says by itself. Empty: the first one is.
   std::string ask(std::string_view message, Time timeout,
                   const std::function<bool(const std::string&)>& wanted = {});
-  /// When the last question was sent, and when its answer was there.
+  /// When the last question was sent, its answer there; for how long one is owed, zero: none is.
   Time asked() const { return asked_; }
   Time answered() const { return answered_; }
-  /// For how long an answer has been owed; zero: none is.
-  Time owed() const {
-    return owed_ || asked_ > answered_ ? dialogue_.clock().now() - asked_ : Time::zero();
-  }
+  Time owed() const;
 
   /// Carries out an action: a message is asked, or sent where `answer` is false; a function is
   /// called with io and `arguments`. What comes back: the answer's text, or the function's value.
