@@ -57,6 +57,7 @@ class Localizer {
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
+  double outline_error(const vision::Ellipse& seen, const Eigen::Vector3d& in_eye) const;
   Eigen::Matrix3d systematic_at(const Eigen::Vector3d& position_in_eye) const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
                                  const Eigen::Vector3d& start_in_eye) const;
