@@ -43,6 +43,22 @@ double correlation(const std::vector<double>& values, std::size_t lag) {
   return power > 0 ? product / power : 0;
 }
 
+/// Whether each of the newest three periods has its part of the oscillation. A swing at a goal's
+/// begin, or what rings out after it, is in one of them; seen over the whole window it has the
+/// autocorrelation of a cycle all the same.
+bool lasts(const std::vector<double>& values, std::size_t period, double power) {
+  constexpr double kPart = 0.25;  // of the mean power: half the amplitude
+  constexpr std::size_t kPeriods = 3;
+  for (std::size_t k = 0; k < kPeriods; ++k) {
+    const auto end = values.end() - static_cast<std::ptrdiff_t>(k * period);
+    const double own = std::inner_product(end - static_cast<std::ptrdiff_t>(period), end,
+                                          end - static_cast<std::ptrdiff_t>(period), 0.0) /
+                       static_cast<double>(period);
+    if (own < kPart * power) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 void MotionWatch::add(const WatchedMotion& now) {
@@ -108,7 +124,7 @@ bool MotionWatch::oscillates(int axis, std::size_t count, double sigma) {
   for (std::size_t half = 2; 2 * half * kPeriods <= values.size(); ++half) {
     const double here = correlation(values, half);
     if (here > kHalf || here > correlation(values, half + 1)) continue;  // not yet the trough
-    if (correlation(values, 2 * half) < kWhole) return false;
+    if (correlation(values, 2 * half) < kWhole || !lasts(values, 2 * half, power)) return false;
     period_ = 2 * static_cast<double>(half) * span;
     amplitude_ = std::sqrt(2 * power);
     return true;

@@ -1,6 +1,7 @@
 -- Identifies the robot by its own motion, in two minutes: delay and response by steps along x and z, drag along and across its
--- axis by falls with the coils off, which no field model is needed for. What is accepted goes into the rig's calibration file
--- (docs/how-to/calibrate.md). A motion shows ratios alone: the weight is taken as believed.
+-- axis by falls with the coils off, lying and pitched, which no field model is needed for. What is accepted goes into the rig's
+-- calibration file (docs/how-to/calibrate.md). A motion shows ratios alone: the weight is taken as believed. Upright, crossed
+-- plates show a camera above them a cross and no ellipse: the drag along the axis is calculated from a pitch of 60 degrees.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "calibration.acceptance"
 local bring = require "session.preparation"
@@ -11,6 +12,8 @@ local mm, s, ms, mT = units.mm, units.s, units.ms, units.mT
 
 local place = vector(0, 0, 1 * mm)
 local lying, upright = vector(1, 0, 0), vector(0, 0, 1)
+local along_part = 0.75 -- sin^2 of the pitch: the part of the fall's mobility that is along the axis
+local pitched = math.sqrt(1 - along_part) * lying + math.sqrt(along_part) * upright
 
 -- With the same field throughout: a soft robot's moment depends on it.
 local function open(rig, p, background, axis)
@@ -25,6 +28,16 @@ local function open(rig, p, background, axis)
 end
 
 local function percent(value) return ("%.1f %%"):format(100 * value) end
+
+-- The fall along the axis from the falls pitched and lying: mobilities add up as sin^2 and cos^2 of the pitch.
+local function along_of(fall, across)
+  local function part(whole, other) return (whole - (1 - along_part) * other) / along_part end
+  return {
+    speed = part(fall.speed, across.speed),
+    believed = part(fall.believed, across.believed),
+    speed_sigma = math.sqrt(fall.speed_sigma ^ 2 + ((1 - along_part) * across.speed_sigma) ^ 2) / along_part,
+  }
+end
 
 -- Two estimates of one number: their mean by their variances, and its sigma, which their difference widens.
 local function both(a, sigma_a, b, sigma_b)
@@ -53,12 +66,13 @@ local function measure(rig, run, p, background, model)
   rig.sample:remove_robot()
   run:wait(0.5 * s)
   do
-    local servo <close> = open(rig, p, background, upright)
+    local servo <close> = open(rig, p, background, pitched)
     bring.insert(rig, servo, place)
     servo:go_to(place, { within = 0.5 * mm, settle = 1 * s, timeout = 40 * s })
     run:wait(p.settle)
-    run:progress(0.7, "falls, upright")
-    found.along = identify.falls(run, servo, { place = place, duration = p.fall, count = p.falls, lag = force_lag })
+    run:progress(0.7, "falls, pitched")
+    local fell = identify.falls(run, servo, { place = place, duration = p.fall, count = p.falls, lag = force_lag })
+    found.along = along_of(fell, found.across)
   end
   rig.sample:remove_robot()
   return found

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/field_allocator.h"
 
+#include "host/text/units.h"
+
 #include <Eigen/Cholesky>
 
 #include <cmath>
 #include <stdexcept>
+#include <string>
 
 namespace vitreo {
 namespace {
@@ -35,7 +38,26 @@ FieldAllocator::FieldAllocator(const RigModel& model, const AllocatorSettings& s
 
 FieldAllocation FieldAllocator::allocate(const Eigen::Vector3d& position,
                                          const Eigen::Vector3d& force) const {
-  return allocate(position, force, field_);
+  try {
+    return allocate(position, force, field_);
+  } catch (const std::domain_error& error) {
+    const auto helps = stronger(position, Eigen::Vector3d::Zero());
+    throw std::domain_error(std::string(error.what()) +
+                            (helps ? ": raise the field to " + format_quantity(*helps, "T") : "") +
+                            (helps ? " (field, field_max)" : "; no stronger field helps"));
+  }
+}
+
+std::optional<double> FieldAllocator::stronger(const Eigen::Vector3d& position,
+                                               const Eigen::Vector3d& force) const {
+  constexpr double kStrongest = 40e-3;  // T, as a loop's settings allow
+  constexpr double kRung = 1e-3;        // T
+  for (double field = field_ + kRung; field <= kStrongest; field += kRung) try {
+      if (!allocate(position, force, field).limited) return field;
+    } catch (const std::domain_error&) {
+      continue;  // not even the weight: a rung higher
+    }
+  return std::nullopt;
 }
 
 /// Outside of the field model's region the nearest position's field is used, and `outside` says so.

@@ -9,6 +9,8 @@
 
 #include <Eigen/Core>
 
+#include <optional>
+
 namespace vitreo {
 
 struct AllocatorSettings {
@@ -35,12 +37,16 @@ class FieldAllocator {
   /// to allocate.
   FieldAllocator(const RigModel& model, const AllocatorSettings& settings);
   /// [B; F] = A(m, p) I at `position` (m, world), `force` (N, world) on top of levitation. Throws
-  /// std::domain_error where levitation is out of reach.
+  /// std::domain_error where levitation is out of reach, with the field to which raising it helps.
   FieldAllocation allocate(const Eigen::Vector3d& position, const Eigen::Vector3d& force) const;
   /// Moves the field's magnitude towards the one in [field, field_max] that asks least of the coils
   /// there, and at once where a limit is met. `span`: s since the last call. A soft robot's moment
   /// grows with its field, so that a stronger one may need less current for the same force.
   void choose(const Eigen::Vector3d& position, const Eigen::Vector3d& force, double span);
+  /// T: the weakest field above the present one, up to 40 mT, with which no limit cuts anything
+  /// there; nothing where none helps.
+  std::optional<double> stronger(const Eigen::Vector3d& position,
+                                 const Eigen::Vector3d& force) const;
   /// Another direction of the field, unit, world.
   void set_axis(const Eigen::Vector3d& axis) { settings_.axis = axis; }
   double field() const { return field_; }  // T, for which currents are allocated

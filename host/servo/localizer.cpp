@@ -42,6 +42,10 @@ constexpr double kModelError_px = 0.1;
 /// ellipsoid (docs/figures.md).
 constexpr double kOutlineError_px = 0.15;
 
+/// Of crossed plates' width, where they are seen along their axis: by how much their outline, which
+/// depends on a roll that nothing measures, differs from the ellipsoid's (docs/control.md).
+constexpr double kPlates = 0.3;
+
 constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any eye is long
 
 }  // namespace
@@ -88,6 +92,17 @@ std::optional<Localizer::Found> Localizer::by_axis(const vision::EllipseMeasurem
   return Found{pose->position_in_eye, pose->covariance, pose->residual_px};
 }
 
+/// px: by how much the outline's axes err for good. From the side the crossed plates are the
+/// ellipsoid; seen along their axis they are a cross, whose bars cos(phi) of the width make, phi
+/// the angle between the axis and the line of sight.
+double Localizer::outline_error(const vision::Ellipse& seen, const Eigen::Vector3d& in_eye) const {
+  if (model_.robot.shape != control::BodyShape::crossed_plates) return kOutlineError_px;
+  // The chief rays meet in the view's point, on the eye's axis.
+  const Eigen::Vector3d viewpoint(0, 0, model_.projection.viewpoint);
+  const Eigen::Vector3d sight = (viewpoint - in_eye).normalized();
+  return std::hypot(kOutlineError_px, kPlates * seen.semi_minor_px * std::abs(axis_.dot(sight)));
+}
+
 /// Maximum a posteriori estimate of position and axis, with a Gaussian prior on the axis about the
 /// commanded one. An axis a degree or two off makes the robot look shorter or longer where it is
 /// seen askew, which by_axis takes for a depth; here the depth comes from the width, which no pitch
@@ -101,7 +116,8 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   // one way or the other from frame to frame where the robot is seen from straight above.
   optics::ObjectPoseSettings weighed = *tilted_;
   const double noise = std::sqrt(seen.covariance(2, 2));  // px, of the semi-major axis
-  weighed.orientation_sigma *= noise / std::hypot(noise, kOutlineError_px);
+  const double error = outline_error(seen.ellipse, start_in_eye);
+  weighed.orientation_sigma *= noise / std::hypot(noise, error);
   if (!(weighed.orientation_sigma > 0)) return std::nullopt;
   const auto found = optics::locate_object(weighed, seen.ellipse.vector(), seen.covariance,
                                            {start_in_eye, optics::orientation_along(axis_)});
@@ -111,11 +127,12 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   const Eigen::Matrix3d covariance = best.covariance.topLeftCorner<3, 3>();
   if (!covariance.allFinite()) return std::nullopt;
   // The body's third axis is the one of symmetry. The outline's systematic error, over the length
-  // that shows it, is the least that is unknown of it.
-  const double outline = kOutlineError_px / seen.ellipse.semi_major_px;
+  // that shows it, is the least that is unknown of it, but for the prior.
+  const double outline = error / seen.ellipse.semi_major_px;
+  const double known = 1 / std::hypot(1 / outline, 1 / tilted_->orientation_sigma);
   const double sigma = std::sqrt((best.covariance(3, 3) + best.covariance(4, 4)) / 2);
   return Found{best.pose.position_in_eye, covariance, best.residual_px,
-               best.pose.orientation * Eigen::Vector3d::UnitZ(), std::hypot(sigma, outline)};
+               best.pose.orientation * Eigen::Vector3d::UnitZ(), std::hypot(sigma, known)};
 }
 
 /// The view from straight above without an eye, a scaled orthographic projection: x and y, and of

@@ -60,6 +60,7 @@ class Localizer {
   void from_above(Observation& observation) const;
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
   Eigen::Matrix3d systematic_of(const Found& found, const vision::EllipseMeasurement& seen) const;
+  double outline_error(const vision::Ellipse& seen, const Eigen::Vector3d& in_eye) const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
                                  const Eigen::Vector3d& start_in_eye) const;
 

@@ -34,6 +34,11 @@ class RobotClearance {
   std::optional<control::Clearance> at(
       const Eigen::Vector3d& position,
       const Eigen::Matrix3d& covariance = Eigen::Matrix3d::Zero()) const;
+  /// The robot's axis from now on, unit, world, and how well it is known (rad).
+  void expect_axis(const Eigen::Vector3d& axis, double sigma) {
+    belief_.axis = axis;
+    belief_.axis_sigma = sigma;
+  }
   double margin() const { return model_.margin; }  // m
   const ClearanceBelief& belief() const { return belief_; }
   /// Throws std::invalid_argument with the clearance and the margin in mm where the path's end, or

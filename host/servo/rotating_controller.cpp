@@ -2,6 +2,7 @@
 #include "host/servo/rotating_controller.h"
 
 #include "control/robots.h"
+#include "host/servo/rotating_margin.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -97,10 +98,11 @@ RotatingStep RotatingController::step(double now,
   allocate(step, position_, update);
   const double law = settings_.law.frequency.value_or(kBelowBelieved * state_.believed_step_out);
   // The law's own limit is kept below the step-out of the field that is wanted, not of what is left
-  // of it where the coils cut it.
-  state_.limit = std::min({law, coils_limit_, step_out_limit_});
+  // of it where the coils cut it. A spin is slowed by a step-out only where the law recovers.
+  state_.limit = std::min(law, coils_limit_);
+  if (!spin_ || settings_.law.recover) state_.limit = std::min(state_.limit, step_out_limit_);
   state_.set_points = 1 / update;
-  command(now, velocity, position_);
+  command(step, now, velocity, mode);
   control::Rotation& rotation = state_.rotation;
   rotation.field = settings_.field;
   const double part = control::reachable_part(step.currents, rotation, settings_.limits);
@@ -193,7 +195,7 @@ void RotatingController::judge(bool found, RotatingStep& step) {
   if (found) {
     ++step_outs_;
     state_.unresponsive = state_.unresponsive || step_outs_ > kTries;
-    if (!settings_.law.recover || state_.unresponsive) return;
+    if ((spin_ && !settings_.law.recover) || state_.unresponsive) return;
     step_out_limit_ = kBelowStepOut * watch_.response().step_out;
     watch_.recovered();
     constexpr double kCatches = 0.2;  // s, until it turns with the slower field
@@ -208,12 +210,14 @@ void RotatingController::judge(bool found, RotatingStep& step) {
 /// The velocity to command, m/s through the fluid; zero: the field stands.
 Eigen::Vector3d RotatingController::wanted(RotatingStep& step, double now,
                                            const ReferencePath& path, ControlMode mode) {
+  ahead_.reset();
   if (!estimator_) return Eigen::Vector3d::Zero();
   step.estimate = estimator_->at(now);
   if (!step.estimate) return Eigen::Vector3d::Zero();
   // All is taken at the time at which the command will act (docs/control.md, Estimate and law).
   const double then = now + std::max(0.0, tuning_->horizon + step.estimate->delay);
   const auto ahead = estimator_->at(then);
+  ahead_ = ahead;
   if (!ahead || (mode != ControlMode::follow && mode != ControlMode::cancel))
     return Eigen::Vector3d::Zero();
   position_ = ahead->position;
@@ -245,42 +249,66 @@ Eigen::Vector3d RotatingController::wanted(RotatingStep& step, double now,
   return velocity - sinking();
 }
 
-void RotatingController::command(double now, const Eigen::Vector3d& velocity,
-                                 const Eigen::Vector3d& position) {
+/// m/s, of a robot that turns with the field of the spin.
+Eigen::Vector3d RotatingController::spun() const {
+  const double frequency = std::clamp(spin_->frequency, -most(), most());
+  const bool helix = settings_.law.mode == control::RotatingMode::helix;
+  return advance_ * 2 * M_PI * frequency *
+         (helix ? spin_->axis : spin_->axis.cross(wall_normal(position_)));
+}
+
+/// Hz. Steering stays below a step-out that was found, whether or not a spin is to be slowed.
+double RotatingController::most() const {
+  const double limit = std::max(state_.limit, 1e-3);
+  const double found = watch_.response().step_out;
+  return spin_ || !(found > 0) ? limit : std::min(limit, kBelowStepOut * found);
+}
+
+/// Sets axis and frequency for a velocity through the fluid; what they make of it, m/s.
+Eigen::Vector3d RotatingController::steered(const Eigen::Vector3d& velocity) {
   control::Rotation& rotation = state_.rotation;
-  control::SwimCommand given;
-  double most = std::max(state_.limit, 1e-3);
-  // Steering stays below a step-out that was found, whether or not a spin is to be slowed.
-  if (!spin_ && watch_.response().step_out > 0)
-    most = std::min(most, kBelowStepOut * watch_.response().step_out);
-  if (spin_) {
-    rotation.turn_to(spin_->axis);
-    rotation.frequency = std::clamp(spin_->frequency, -most, most);
-    const bool helix = settings_.law.mode == control::RotatingMode::helix;
-    const Eigen::Vector3d direction =
-        helix ? spin_->axis : spin_->axis.cross(wall_normal(position));
-    given.velocity = advance_ * 2 * M_PI * rotation.frequency * direction;
+  control::SwimSettings swim;
+  swim.mode = settings_.law.mode;
+  swim.advance = advance_;
+  // The robot's axis is at most half a radian behind.
+  swim.turn_rate = std::min(6.0, 0.5 / std::max(lag_, 1e-3));
+  swim.frequency = most();
+  const control::SwimCommand given =
+      control::swim(swim, velocity, wall_normal(position_), rotation.axis, settings_.period);
+  // A quick turn of the axis costs speed as a step-out does.
+  constexpr double kQuick = 0.15;  // rad in one lag
+  constexpr double kLags = 3;
+  const double angle = std::acos(std::clamp(given.axis.dot(rotation.axis), -1.0, 1.0));
+  if (angle / settings_.period * lag_ > kQuick) settle_in(kLags * lag_);
+  rotation.turn_to(given.axis);
+  rotation.frequency = given.frequency;
+  return given.velocity;
+}
+
+/// A spin goes on as it was told unless that would take the robot into a wall's margin: then the
+/// margin steers. Rollers and tumblers are on the wall.
+void RotatingController::command(RotatingStep& step, double now, const Eigen::Vector3d& velocity,
+                                 ControlMode mode) {
+  Eigen::Vector3d given = spin_ ? spun() : velocity;
+  const bool keeps = clearance_ != nullptr && ahead_ && mode != ControlMode::constant &&
+                     mode != ControlMode::off && settings_.law.mode == control::RotatingMode::helix;
+  if (keeps) {
+    const auto kept =
+        margin_kept(*clearance_, {*ahead_, sinking(), tuning_->loop.dead_time() + lag_}, given);
+    step.kept_out = kept.has_value();
+    given = kept.value_or(given);
+  }
+  if (spin_ && !step.kept_out) {
+    state_.rotation.turn_to(spin_->axis);
+    state_.rotation.frequency = std::clamp(spin_->frequency, -most(), most());
   } else {
-    control::SwimSettings swim;
-    swim.mode = settings_.law.mode;
-    swim.advance = advance_;
-    // The robot's axis is at most half a radian behind.
-    swim.turn_rate = std::min(6.0, 0.5 / std::max(lag_, 1e-3));
-    swim.frequency = most;
-    given = control::swim(swim, velocity, wall_normal(position), rotation.axis, settings_.period);
-    // A quick turn of the axis costs speed as a step-out does.
-    constexpr double kQuick = 0.15;  // rad in one lag
-    constexpr double kLags = 3;
-    const double angle = std::acos(std::clamp(given.axis.dot(rotation.axis), -1.0, 1.0));
-    if (angle / settings_.period * lag_ > kQuick) settle_in(kLags * lag_);
-    rotation.turn_to(given.axis);
-    rotation.frequency = given.frequency;
+    given = steered(given);
   }
   // Two histories: the watch compares with the swimming alone, the filter with all that moves the
   // robot, the sinking included.
-  commands_.add(now, given.velocity);
-  last_commanded_ = given.velocity;
-  if (estimator_) estimator_->command(now, given.velocity + sinking());
+  commands_.add(now, given);
+  last_commanded_ = given;
+  if (estimator_) estimator_->command(now, given + sinking());
 }
 
 void RotatingController::allocate(RotatingStep& step, const Eigen::Vector3d& position,

@@ -8,6 +8,7 @@
 #include "control/servo_law.h"
 #include "control/swim_law.h"
 #include "host/rig/rig.h"
+#include "host/servo/robot_clearance.h"
 #include "host/servo/rotating_law.h"
 #include "host/servo/servo_controller.h"
 
@@ -31,6 +32,7 @@ struct RotatingStep {
   control::FieldCurrents currents;      // A/T, where the robot is
   control::Currents constant;           // A, against the background
   bool limited = false;                 // the coils cut the field
+  bool kept_out = false;                // the margin of a wall changed what is commanded
   bool outside = false;               // of the field model's region: its nearest position was used
   bool passed_over = false;           // the measurement
   double behind = 0;                  // s by which the reference has to wait for the robot
@@ -54,6 +56,8 @@ class RotatingController {
   void spin(const Eigen::Vector3d& axis, double frequency);
   void steer();
   bool spinning() const { return spin_.has_value(); }
+  /// Of the walls whose margin a helix keeps, spun by hand or not; null: it may touch. Borrowed.
+  void keep_out(const RobotClearance* clearance) { clearance_ = clearance; }
   const RotationState& state() const { return state_; }
   double advance() const { return advance_; }  // m/rad, as believed
   /// Forgets what was measured and commanded.
@@ -71,7 +75,10 @@ class RotatingController {
   void judge(bool found, RotatingStep& step);
   Eigen::Vector3d wanted(RotatingStep& step, double now, const ReferencePath& path,
                          ControlMode mode);
-  void command(double now, const Eigen::Vector3d& velocity, const Eigen::Vector3d& position);
+  void command(RotatingStep& step, double now, const Eigen::Vector3d& velocity, ControlMode mode);
+  Eigen::Vector3d spun() const;
+  double most() const;
+  Eigen::Vector3d steered(const Eigen::Vector3d& velocity);
   void allocate(RotatingStep& step, const Eigen::Vector3d& position, double update);
   Eigen::Vector3d sinking() const;
   Eigen::Vector3d wall_normal(const Eigen::Vector3d& position) const;
@@ -87,6 +94,8 @@ class RotatingController {
   std::optional<Spin> spin_;
   std::optional<control::ServoTuning> tuning_;
   std::optional<control::PositionEstimator> estimator_;
+  std::optional<control::PositionEstimate> ahead_;  // when the command of this step acts
+  const RobotClearance* clearance_ = nullptr;
   control::CommandHistory commands_;  // of the swimming alone
   std::optional<control::PositionMeasurement> last_;
   Eigen::Vector3d position_{0, 0, 0};  // m, the last known

@@ -76,6 +76,7 @@ ControlStep RotatingDrive::step(double now,
   step.limited = turn.limited || rotor_.limited();
   step.outside = turn.outside;
   step.passed_over = turn.passed_over;
+  step.kept_out = turn.kept_out;
   return step;
 }
 

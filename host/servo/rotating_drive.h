@@ -27,6 +27,7 @@ class RotatingDrive {
   void stop();
   void spin(const Eigen::Vector3d& axis, double frequency);
   void steer() { controller_.steer(); }
+  void keep_out(const RobotClearance* clearance) { controller_.keep_out(clearance); }
   const RotationState& state() const { return controller_.state(); }
   /// Whether the robot's long axis is that of the rotation.
   bool shows_axis() const { return rig_.model.robot.helix.has_value(); }

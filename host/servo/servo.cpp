@@ -149,7 +149,7 @@ struct Servo::Loop {
         walls(the_rig.model.keep_out.margin) {
     if (given.law == ControlLaw::rotating)
       rotating.emplace(clock, rig, recorder, rotating_settings(rig, given, source.period()));
-    if (!given.may_touch) controller.keep_out(&surface);
+    keep_out(!given.may_touch);
     recorder.event(clock.now(), "feedback",
                    fmt::format("law {}, feedback {} ({})", to_string(given.law),
                                to_string(given.feedback), source_of(given.feedback)));
@@ -178,7 +178,8 @@ struct Servo::Loop {
     const auto [frame, observation] = source.next();
     // Seen means used: the dead-man is refreshed only where a plausible frame has come.
     heartbeat->beat();
-    const double now = to_seconds(clock.now());
+    const Time decided = clock.now();
+    const double now = to_seconds(decided);
     begin(now);
     note_observation(frame, observation);
     look_at_walls(observation);
@@ -186,7 +187,7 @@ struct Servo::Loop {
     const control::Reference target = reference.at(to_seconds(frame.exposed));
     watch_walls(frame, target, step);
     publish(frame, target, observation, step);
-    archive.sample(frame.exposed, clock.now(), observation, target, step);
+    archive.sample(frame.exposed, decided, clock.now(), observation, target, step);
     archive.clearance(frame.exposed, status.clearance, surface, step);
     // Picture k of n is due at the fraction k / (n + 1) of the way.
     if (mode == Mode::following && status.progress * (pictures + 1) >= pictures_taken + 1 &&
@@ -210,10 +211,16 @@ struct Servo::Loop {
 
   /// What the next frame will show of the robot's axis; it is exposed a period after the last one.
   void expect_axis() {
-    if (rotating) {
-      if (rotating->shows_axis()) source.expect_axis(rotating->state().rotation.axis);
-    } else if (attitude.active()) {
-      source.expect_axis(attitude.wanted(to_seconds(status.time) + source.period()));
+    // Of a swimmer: it is at most half a radian behind the field, half of that in the mean.
+    constexpr double kBehind = 0.25;  // rad
+    if (rotating && rotating->shows_axis()) {
+      const Eigen::Vector3d& axis = rotating->state().rotation.axis;
+      source.expect_axis(axis);
+      surface.expect_axis(axis, kBehind);
+    } else if (!rotating && attitude.active()) {
+      const Eigen::Vector3d axis = attitude.wanted(to_seconds(status.time) + source.period());
+      source.expect_axis(axis);
+      surface.expect_axis(axis, surface.belief().axis_sigma);
     }
   }
 
@@ -292,7 +299,15 @@ struct Servo::Loop {
                                         wall.bound(), surface.margin(), -wall.normal.dot(driven)});
   }
 
-  void report(bool is, bool& was, const char* what) {
+  /// What helps where a limit cuts: a soft robot's moment grows with its field.
+  std::string advice() const {
+    if (rotating) return "";
+    const auto stronger = controller.stronger_field();
+    if (!stronger) return "; no stronger field helps";
+    return ": raise the field to " + format_quantity(*stronger, "T") + " (field, field_max)";
+  }
+
+  void report(bool is, bool& was, const std::string& what) {
     if (is && !was) recorder.event(clock.now(), "degraded", what);
     was = is;
   }
@@ -345,7 +360,8 @@ struct Servo::Loop {
   /// An event "degraded" each time that a limitation begins.
   void report_limits(const ControlStep& step) {
     report(step.limited, was_limited,
-           "a current limit cuts field or lateral force; the vertical force comes first");
+           "a current limit cuts field or lateral force; the vertical force comes first" +
+               (step.limited && !was_limited ? advice() : ""));
     report(
         step.outside, was_outside,
         "the robot is outside the region of the field's model: the field of the nearest place in "
@@ -471,9 +487,16 @@ struct Servo::Loop {
   /// A robot that is laid on the retina on purpose; the record says so.
   void allow_touch(bool allowed) {
     walls.forget();
-    controller.keep_out(allowed ? nullptr : &surface);
+    keep_out(!allowed);
     if (allowed != std::exchange(may_touch, allowed))
       recorder.event(clock.now(), "keep-out margin", allowed ? "off: the robot may touch" : "on");
+  }
+
+  /// Of the law in use; the other has no say.
+  void keep_out(bool keeps) {
+    const RobotClearance* const walls_of = keeps ? &surface : nullptr;
+    controller.keep_out(walls_of);
+    if (rotating) rotating->keep_out(walls_of);
   }
 
   /// The end of the loop: zero current, and the interlock open after a failure until it is enabled

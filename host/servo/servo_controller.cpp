@@ -325,7 +325,8 @@ Eigen::Matrix3d ServoController::drag_at(const Eigen::Vector3d& position) const 
 
 /// With what the limits did of it in the step. Returns what of `force` they left.
 Eigen::Vector3d ServoController::allocate(ControlStep& step, const Eigen::Vector3d& position,
-                                          const Eigen::Vector3d& force) const {
+                                          const Eigen::Vector3d& force) {
+  asked_ = {position, force};
   const FieldAllocation found = allocator_.allocate(position, force);
   step.currents = found.currents;
   step.field = allocator_.field();

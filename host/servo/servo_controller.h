@@ -79,6 +79,10 @@ class ServoController {
   const std::optional<control::ServoTuning>& tuning() const { return tuning_; }
   /// Nothing before the first step that took a measurement, and for other laws. A few milliseconds.
   std::optional<ServoMargins> margins() const;
+  /// T: with which no limit would have cut what was asked for last (FieldAllocator::stronger).
+  std::optional<double> stronger_field() const {
+    return allocator_.stronger(asked_.position, asked_.force);
+  }
   /// Its filter; null before the first measurement, and for other laws.
   const control::PositionEstimator* estimator() const;
 
@@ -96,7 +100,7 @@ class ServoController {
              const ReferencePath& path, ControlMode mode);
   void plan(const control::PositionEstimate& ahead, double reference_speed);
   Eigen::Vector3d allocate(ControlStep& step, const Eigen::Vector3d& position,
-                           const Eigen::Vector3d& force) const;
+                           const Eigen::Vector3d& force);
 
   RigModel model_;
   ControllerSettings settings_;
@@ -115,6 +119,10 @@ class ServoController {
   control::ServoSchedule schedule_;  // of the last step
   control::ServoChanges changes_;
   Eigen::Vector3d last_commanded_{0, 0, 0};  // m/s behind the lag, at the last step
+  struct {
+    Eigen::Vector3d position{0, 0, 0};  // m
+    Eigen::Vector3d force{0, 0, 0};     // N
+  } asked_;                             // of the last allocation
   LoopWatch watch_;
   double last_measured_ = -1e9;  // s
   double estimated_ = -1e9;      // s, of the filter\'s last measurement

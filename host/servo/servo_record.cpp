@@ -294,9 +294,10 @@ ServoRecord::ServoRecord(Recorder& recorder, const Rig& rig, const Eigen::Vector
   if (estimates) estimates_ = stream_of(recorder, estimate_stream());
 }
 
-/// Two times: the observation's row has that of its exposure, the others have now. What was not
-/// observed is NaN, in the tables NULL.
-void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
+/// Three times: the observation's row has that of its exposure, the estimate's that of the
+/// decision, for which it is; currents and field have now, when the amplifiers have them (eleven
+/// reports of a USB-3103 later). What was not observed is NaN, in the tables NULL.
+void ServoRecord::sample(Time exposed, Time decided, Time now, const Observation& observation,
                          const control::Reference& target, const ControlStep& step) {
   const ServoTurn turn{observation, target, step, rig_.model,
                        top_pixel(rig_.model, target.position)};
@@ -311,7 +312,7 @@ void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
                    std::array{field.x(), field.y(), field.z(), axis_.x(), axis_.y(), axis_.z(),
                               step.currents.size() > 0 ? step.field : std::nan("")});
   if (estimates_ >= 0 && step.estimate)
-    recorder_.sample(estimates_, now, estimate_row(step, observation));
+    recorder_.sample(estimates_, decided, estimate_row(step, observation));
   if (!observation.ellipse) return;
   trail_.push_back(observation.ellipse->ellipse.center_px);
   if (trail_.size() > kTrail) trail_.pop_front();

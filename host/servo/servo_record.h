@@ -28,7 +28,7 @@ class ServoRecord {
   /// stream "estimate".
   ServoRecord(Recorder& recorder, const Rig& rig, const Eigen::Vector3d& axis,
               const std::string& source, bool estimates);
-  void sample(Time exposed, Time now, const Observation& observation,
+  void sample(Time exposed, Time decided, Time now, const Observation& observation,
               const control::Reference& target, const ControlStep& step);
   /// The commanded orientation from the next row on.
   void set_axis(const Eigen::Vector3d& axis) { axis_ = axis.normalized(); }

@@ -156,6 +156,36 @@ TEST(RotatingServo, AStepOutIsAnEventAndAnAlarm) {
   EXPECT_TRUE(recorded(bench, "in step"));
 }
 
+/// m, of the true robot's surface from the retina, the least over `span` (s).
+double least_clearance(TestBench& bench, double span) {
+  RobotClearance truly(bench.roles().model, {Eigen::Vector3d::UnitX(), 0, false, false});
+  double least = 1;
+  for (double time = 0; time < span; time += 0.05) {
+    bench.clock->sleep_for(from_seconds(0.05));
+    const auto truth = bench.rig->laboratory()->truth(bench.clock->now());
+    truly.expect_axis(truth->axis, 0);
+    least = std::min(least, truly.at(truth->position)->retina.distance);
+  }
+  return least;
+}
+
+// Down on the retina by hand, then along it while gravity pulls: the margin slows the first, and
+// turns the axis up in the second.
+TEST(RotatingServo, ASpinTowardsTheRetinaEndsAtTheMargin) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    TestBench bench(seed, {}, swimming_rig());
+    const auto servo = bench.held(3, swimming());
+    const double margin = servo->margin();
+    servo->spin(-Eigen::Vector3d::UnitZ(), 8);
+    const double down = least_clearance(bench, 10);
+    EXPECT_GT(down, margin) << seed;
+    EXPECT_LT(down, 4 * margin) << seed << ": it went there";
+    EXPECT_TRUE(servo->status().kept_out) << seed;
+    servo->spin(Eigen::Vector3d::UnitX(), 2);
+    EXPECT_GT(least_clearance(bench, 8), margin) << seed;
+  }
+}
+
 // The robot's axis as a part of the reference, in the loop with the pose sensor.
 TEST(ServoAttitude, TurnsTheRobotsAxisWhereItIsTold) {
   TestBench bench;

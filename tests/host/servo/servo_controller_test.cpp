@@ -13,6 +13,7 @@
 #include <limits>
 #include <numbers>
 #include <stdexcept>
+#include <string>
 
 namespace vitreo {
 namespace {
@@ -223,6 +224,54 @@ TEST(ServoController, ASoftRobotsFieldIsRaisedWhereThatAsksLessOfTheCoilsAndAMag
   EXPECT_GT(field_after(model()), 12e-3);
   EXPECT_LT(field_after(model()), 20e-3);
   EXPECT_LT(field_after(magnet), field_after(model()));
+}
+
+// Round the thesis' square with coil 1 dead at 10 mT (facts/control_limits 7: 9 of 10 fail, 0 at
+// 20).
+TEST(FieldAllocator, WhereALimitCutsItNamesTheFieldThatHelps) {
+  AllocatorSettings weak;
+  weak.limits[0] = 0;
+  const RigModel believed = model();
+  const FieldAllocator allocator(believed, weak);
+  int cut = 0, refused = 0;
+  for (double x = -4e-3; x <= 4e-3; x += 1e-3) {
+    for (const double z : {-3e-3, 0.0, 3e-3}) {
+      const Eigen::Vector3d place(x, 0, z), force(0, 0, 1e-6);
+      const auto stronger = allocator.stronger(place, force);
+      try {
+        if (!allocator.allocate(place, force).limited) continue;
+        ++cut;
+      } catch (const std::domain_error& error) {
+        ++refused;
+        EXPECT_NE(std::string(error.what()).find(": raise the field to "), std::string::npos)
+            << error.what();
+      }
+      ASSERT_TRUE(stronger) << x << " " << z;
+      AllocatorSettings raised = weak;
+      raised.field = raised.field_max = *stronger;
+      EXPECT_FALSE(FieldAllocator(believed, raised).allocate(place, force).limited);
+      raised.field = raised.field_max = *stronger - 1e-3;
+      if (raised.field > weak.field) {
+        EXPECT_ANY_THROW(
+            if (FieldAllocator(believed, raised).allocate(place, force).limited) throw 0);
+      }
+    }
+  }
+  EXPECT_GT(cut + refused, 3);
+}
+
+TEST(FieldAllocator, WhereNoFieldHelpsItSaysSo) {
+  AllocatorSettings weak;
+  weak.limits.setConstant(0.05);
+  const RigModel believed = model();
+  const FieldAllocator allocator(believed, weak);
+  try {
+    allocator.allocate(kPlace, Eigen::Vector3d::Zero());
+    FAIL() << "it cannot hold it";
+  } catch (const std::domain_error& error) {
+    EXPECT_NE(std::string(error.what()).find("no stronger field helps"), std::string::npos)
+        << error.what();
+  }
 }
 
 TEST(ServoController, OutsideTheModelsRegionTheNearestFieldIsUsedAndItSaysSo) {
