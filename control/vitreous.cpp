@@ -2,6 +2,7 @@
 #include "control/vitreous.h"
 
 #include "control/constants.h"
+#include "control/measured_gel.h"
 #include "control/preconditions.h"
 #include "control/robots.h"
 
@@ -57,6 +58,7 @@ const std::vector<std::string>& gel_names() {
 
 // By name, or std::invalid_argument with the names that there are.
 Gel gel_named(std::string_view name) {
+  if (const auto measured = rheometry_in(name)) return gel_of(*measured);
   const auto& names = gel_names();
   for (std::size_t k = 0; k < kAgar.size(); ++k)
     if (names[k] == name) return artificial_vitreous(static_cast<int>(k) + 1);

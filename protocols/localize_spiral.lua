@@ -113,10 +113,9 @@ local function rows(run, book, found, number, p)
         thesis = thesis[axis][k],
         ours = ours[k],
         unit = "m",
-        error = p.eye == "perturbed" and axis == "z" and "eyes off by table 5.1, calibration on the retina, pixels, tracker"
-          or nil,
+        error = p.eye == "perturbed" and axis == "z" and "eyes off by table 5.1, calibration, pixels, tracker" or nil,
         why = p.eye ~= "perturbed" and "the eye is as believed"
-          or axis == "x" and "the thesis judges by a side camera that has to be registered, here the truth does: not the same error"
+          or axis == "x" and "judged by the truth, in the thesis by a side camera that has to be registered: not the same error"
           or nil,
       }
     end

@@ -66,6 +66,7 @@ return {
   d2_supervised = { protocol = "servo_supervised", brief = "points=1,0,0", laboratory = "octomag_lab" },
   d3_supervised_cylinder = { protocol = "servo_supervised", rig = "ndfeb_cylinder", arguments = "eye=perturbed" },
   d4_supervised_sphere = { protocol = "servo_supervised", rig = "ndfeb_sphere", arguments = "eye=perturbed" },
+  d7_image = { protocol = "servo_image", brief = "places=1 time=5s eye=nominal" },
   d5_gel_step = { protocol = "gel_step", rig = "gel", brief = "watch=10s settle=5s" },
   d6_hold = { protocol = "hold", brief = "feedback=pose_sensor compare=false settle=2s hold=2s width=1mm depth=1mm" },
   e1_biometric = { protocol = "calibrate_biometric", rig = "bare_sensor", laboratory = "octomag_lab_focus" },

@@ -136,7 +136,8 @@ void add_run_options(Command& command, RunOptions& options) {
       .one_word_each();
   command
       .option("--sample", options.request.what.sample,
-              "what is known of the sample: eye=, species=, age=, removed=2026-11-24T08:10, robot=")
+              "what is known of the sample: eye=, species=, age=, died=, removed=2026-11-24T08:10, "
+              "pipette=, light=, robot=")
       .one_word_each();
   command.flag("--trace-links", options.request.how.trace_links,
                "every byte between the host and its instruments goes into the record: vitreo show "

@@ -63,8 +63,11 @@ constexpr RecordColumn kColumns[] = {
     {"run", "clock", kText, "", "what the run's clock is: real or virtual (meaning, kind time)"},
     {"run", "tags", kText, "", "JSON, key: text that was given with --tag or by the script"},
     {"run", "sample", kText, "",
-     "JSON, of the sample: eye (its id), species, age (of the animal or donor), removed (when the "
-     "eye was removed, ISO 8601 UTC), robot (its id); what is not known is missing"},
+     "JSON, of the sample: eye (its id), species, age (of the animal or donor), died, removed "
+     "(when the "
+     "animal died, when the eye was removed, ISO 8601 UTC), pipette (that inserts the robot), "
+     "light (lamp, "
+     "level, way into the eye), robot (its id); what is not known is missing"},
     {"module", "name", "TEXT PRIMARY KEY", "", "name under which it was required"},
     {"module", "file", kText, "", "file from which it was read"},
     {"module", "hash", kText, "", "SHA-256 of the column text"},

@@ -28,7 +28,7 @@ void check_value(const std::string& name, const std::string& value) {
 
 [[noreturn]] void no_time(const std::string& text) {
   throw std::invalid_argument(
-      "removed: wants a time such as 2026-11-24T08:10 or "
+      "wants a time such as 2026-11-24T08:10 or "
       "2026-11-24T08:10+01:00, got " +
       text);
 }
@@ -101,7 +101,8 @@ void set_tag(nlohmann::json& tags, const std::string& key, const std::string& va
 }
 
 const std::vector<std::string>& sample_fields() {
-  static const std::vector<std::string> kFields{"eye", "species", "age", "removed", "robot"};
+  static const std::vector<std::string> kFields{"eye",     "species", "age",   "died",
+                                                "removed", "pipette", "light", "robot"};
   return kFields;
 }
 
@@ -111,7 +112,15 @@ void set_sample_field(nlohmann::json& sample, const std::string& field, const st
     throw std::invalid_argument(
         fmt::format("sample: has no '{}', only {}", field, fmt::join(fields, ", ")));
   check_value("sample " + field, value);
-  sample[field] = field == "removed" ? utc_second(value) : value;
+  if (field != "died" && field != "removed") {
+    sample[field] = value;
+    return;
+  }
+  try {
+    sample[field] = utc_second(value);
+  } catch (const std::invalid_argument& problem) {
+    throw std::invalid_argument(field + ": " + problem.what());
+  }
 }
 
 std::pair<std::string, std::string> key_and_value(const std::string& word) {

@@ -14,11 +14,11 @@ namespace vitreo {
 /// bytes or more than a line.
 void set_tag(nlohmann::json& tags, const std::string& key, const std::string& value);
 
-/// "eye", "species", "age", "removed", "robot".
+/// "eye", "species", "age", "died", "removed", "pipette", "light", "robot".
 const std::vector<std::string>& sample_fields();
-/// Sets a field of the sample. "removed", when the eye was removed, is a time such as
-/// 2026-11-24T08:10 (here) or 2026-11-24T08:10+01:00, and is kept as UTC; the others are texts as
-/// of a tag. Throws std::invalid_argument naming the field.
+/// Sets a field of the sample. "died" and "removed", when the animal died and when the eye was
+/// removed, are times such as 2026-11-24T08:10 (here) or 2026-11-24T08:10+01:00, and are kept as
+/// UTC; the others are texts as of a tag. Throws std::invalid_argument naming the field.
 void set_sample_field(nlohmann::json& sample, const std::string& field, const std::string& value);
 
 /// "key=value" as two. Throws std::invalid_argument without the sign.

@@ -35,7 +35,8 @@ void read_uncertainty(ConfigReader reader, ViewUncertainty& known) {
 // choice. `field` has one value today; it is read so that a rig file can state it.
 void read_model(ConfigReader reader, RigSettings& settings) {
   RigModel& model = settings.model;
-  model.eye_name = reader.choice("eye", model.eye_name, {"model_eye_5_3", "navarro_condensing"});
+  model.eye_name = reader.choice("eye", model.eye_name,
+                                 {"model_eye_5_3", "navarro_condensing", "porcine_condensing"});
   model.eye = optics::prescription(model.eye_name).system;
   model.eye_in_world = reader.vector3("eye_in_world", model.eye_in_world, {-20e-3, 20e-3, "m"});
   const auto& robots = control::robot_names();
@@ -432,7 +433,8 @@ void read_sample(ConfigReader reader, RigSettings& settings) {
   settings.laboratory.world.placement_scatter = reader.number(
       "placement_scatter", settings.laboratory.world.placement_scatter, {0, 2 * kMillimeter, "m"});
   // What is known of it, for the record, where the file says so: check_request() takes it.
-  for (const char* const field : {"eye", "species", "age", "removed", "robot"})
+  for (const char* const field :
+       {"eye", "species", "age", "died", "removed", "pipette", "light", "robot"})
     if (reader.has(field)) reader.text(field, "");
   reader.finish();
 }

@@ -184,12 +184,14 @@ end
 -- Each cell of table 6.1 by its printed spread, the shape of the table, and this project's goals.
 local function expected(run, found, asked)
   local book = expect.book(run, "table 6.1")
+  local edge = found.six[#found.six].position[1] / units.mm
+  local at_edge = edge == 4 and "" or (".edge_%gmm"):format(edge) -- the plan has one run an edge
   for _, kind in ipairs(asked) do
     for _, place in ipairs(found.six) do
       local printed = printed_at(kind, place)
       if printed then
         book:number {
-          id = ("6.1.%s.%s"):format(kind, place.name),
+          id = ("6.1.%s.%s%s"):format(kind, place.name, at_edge),
           what = ("%s, %s"):format(place.name, names[kind]),
           thesis = printed.mean,
           spread = printed.sd,
@@ -202,13 +204,13 @@ local function expected(run, found, asked)
     if places.table_6_1["middle-middle"][kind] then
       local shape = edge_over_middle(found, kind)
       book:number {
-        id = ("6.1.edge_over_middle.%s"):format(kind),
+        id = ("6.1.edge_over_middle.%s%s"):format(kind, at_edge),
         what = ("edge over middle, %s"):format(names[kind]),
         thesis = shape.thesis,
         spread = shape.spread,
         ours = shape.ours,
-        why = "what the trim leaves is everywhere alike, what the field's model is off by grows with the distance: docs/figures.md "
-          .. "has both apart",
+        why = "what the trim leaves is everywhere alike, what the field's model is off by grows with the distance: "
+          .. "docs/figures.md has both apart",
       }
     end
   end
@@ -233,7 +235,7 @@ local function expected(run, found, asked)
     }
   end
   book:number {
-    id = "6.1.hold",
+    id = "6.1.hold" .. at_edge,
     what = "held by the estimator, worst place",
     where = "goal",
     ours = largest(found, "hold"),
@@ -242,7 +244,7 @@ local function expected(run, found, asked)
     reason = "this project's goal",
   }
   book:number {
-    id = "6.1.cancel",
+    id = "6.1.cancel" .. at_edge,
     what = "disturbance canceled, place left alone, worst place",
     where = "goal",
     ours = largest(found, "cancel"),
@@ -284,7 +286,7 @@ end
 --- Table, plot and results: medians over the machines of the mean over the repetitions.
 function drift.report(run, found, asked, counts)
   run:table {
-    title = ("Drift in µm/s: medians over %d machine(s), %d run(s) each, beside thesis table 6.1 (sd: the printed spread)"):format(
+    title = ("Drift in µm/s: medians over %d machine(s), %d run(s) each, beside thesis table 6.1 (sd: its spread)"):format(
       counts.machines,
       counts.repetitions
     ),

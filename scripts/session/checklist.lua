@@ -5,10 +5,13 @@ local vision = require "vision"
 local checklist = {}
 checklist.__index = checklist
 
---- An empty list. options.window = { least, most } in s: how long there is; nothing for no end.
+--- An empty list. options.window = { least, most } in s: how long there is, nothing for no end; options.gone: how much of it
+--- had passed before, s.
 function checklist.new(run, rig, options)
   options = options or {}
-  return setmetatable({ run = run, rig = rig, began = run:now(), window = options.window, rows = {}, missed = 0 }, checklist)
+  local list = { run = run, rig = rig, began = run:now(), window = options.window, gone = options.gone or 0 }
+  list.rows, list.timers, list.missed = {}, {}, 0
+  return setmetatable(list, checklist)
 end
 
 local function clock(seconds)
@@ -20,7 +23,7 @@ end
 --- What is left of the window, s: {least, most}, until its least and until its most.
 function checklist:left()
   if not self.window then return { least = math.huge, most = math.huge } end
-  local gone = self.run:now() - self.began
+  local gone = self.gone + self.run:now() - self.began
   return { least = self.window[1] - gone, most = self.window[2] - gone }
 end
 
@@ -37,6 +40,26 @@ function checklist:tell_time()
   end
   self.run:note(text)
   return most > 0
+end
+
+--- Starts a timer, or starts it anew: what lasts `span` = { least, most }, s.
+function checklist:start_timer(name, span)
+  self.timers[name] = { began = self.run:now(), least = span[1], most = span[2] }
+  self.run:note(("%s for %s to %s from now on"):format(name, clock(span[1]), clock(span[2])))
+  self.rows[#self.rows + 1] = { clock(self.run:now() - self.began), "timer: " .. name, "started" }
+end
+
+--- Whether a timer's least has passed; one that was never started is not over.
+function checklist:timer_over(name)
+  local timer = self.timers[name]
+  return timer ~= nil and self.run:now() - timer.began >= timer.least
+end
+
+--- Asks for a number for the record; 0 is the default.
+function checklist:ask(text, options)
+  local value = self.run:ask(text, { min = options.min, max = options.max, default = 0, name = options.name })
+  self.rows[#self.rows + 1] = { clock(self.run:now() - self.began), text, ("%g"):format(value) }
+  return value
 end
 
 --- Asks whether one thing is done; "no" is kept, and an error when it is `needed`.

@@ -8,6 +8,7 @@ shift
 here=$(dirname "$0")
 answers="--answer eye_fresh=yes --answer photo_eye=none --answer eye_clear=yes --answer opened=yes --answer fixed=yes \
 --answer photo_holder=none --answer light=yes --answer biom_in=yes --answer field_of_view=no --answer photo_retina=camera \
+--answer vitrectome_in=yes --answer dyed=yes --answer vitrectomy=yes --answer photo_vitrectomy=none \
 --answer clear=yes --answer photo_robot=camera --answer notes=none --answer cleared_up=yes"
 [ $# -gt 0 ] || set -- "octomag_lab servo_square" "octomag_lab servo_square --seed 2" "octomag_lab servo_square --seed 3" \
   "octomag_lab hold hold=5s settle=3s" "octomag_lab drift_test hold=1s settle=1s" "octomag_lab servo_supervised" \

@@ -20,7 +20,8 @@ bool needs_arguments(const Workplace& place, const std::string& protocol) {
 
 // What makes a long protocol short; the others run with their defaults.
 std::string shortened(const std::string& protocol) {
-  if (protocol == "drift_test") return " feedback=one_camera machines=1 hold=0.5s settle=1s";
+  if (protocol == "drift_test")
+    return " feedback=one_camera machines=1 repetitions=1 hold=0.5s settle=1s";
   if (protocol == "hold")
     return " compare=false settle=2s hold=2s width=0.5mm depth=0.5mm align=false";
   if (protocol == "steer") return " duration=2s";

@@ -1,5 +1,6 @@
 // Bindings of rig.sample: what is put in, taken out and changed, by a person or in the simulator.
 // SPDX-License-Identifier: Apache-2.0
+#include "control/measured_gel.h"
 #include "devices/time/error.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/people.h"
@@ -111,9 +112,20 @@ int remove_target(Call& call) {
                        [](SampleHandler& sample) { sample.remove_target(); }});
 }
 
+/// By its name, or by what a rheometer measured; "" is the fluid.
+std::string gel_asked_for(Call& call) {
+  const auto storage = call.number_option("storage_modulus");
+  const auto loss = call.number_option("loss_modulus");
+  const auto gel = call.text_option("gel");
+  if (!storage && !loss) return gel.value_or("");
+  if (gel || !storage || !loss)
+    throw std::invalid_argument("gel: either a name, or storage_modulus and loss_modulus together");
+  return control::gel_text({*storage, *loss, call.number_option("frequency").value_or(1)});
+}
+
 int change_vial(Call& call) {
   const std::string robot = *call.text_option("robot");
-  const std::string gel = call.text_option("gel").value_or("");
+  const std::string gel = gel_asked_for(call);
   return handle(call, {"change_vial",
                        fmt::format("put the vial of {} with the robot {} in the workspace's middle",
                                    gel.empty() ? "the fluid" : gel, robot),
@@ -158,7 +170,26 @@ const Class& sample_class() {
                       {.name = "gel",
                        .type = Type::text,
                        .optional = true,
-                       .help = "gel_1 to gel_11 (the fluid)"}}}},
+                       .help = "gel_1 to gel_11 (the fluid)"},
+                      {.name = "storage_modulus",
+                       .type = Type::number,
+                       .optional = true,
+                       .min = 1e-3,
+                       .max = 1e5,
+                       .help = "Pa: G' of a gel that a rheometer measured"},
+                      {.name = "loss_modulus",
+                       .type = Type::number,
+                       .optional = true,
+                       .min = 1e-3,
+                       .max = 1e5,
+                       .help = "Pa: its G''"},
+                      {.name = "frequency",
+                       .type = Type::number,
+                       .unit = "Hz",
+                       .optional = true,
+                       .min = 1e-3,
+                       .max = 1000,
+                       .help = "at which they were measured (1 Hz)"}}}},
         "",
         "puts in another vial, with the robot at rest in the middle; the loop believes in that "
         "robot from now on",

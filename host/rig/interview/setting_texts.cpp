@@ -184,7 +184,8 @@ const std::map<std::string, Texts>& all_texts() {
        {{"eye", "optics of the eye in front of the robot",
          "model_eye_5_3: the two-lens model eye of the thesis; navarro_condensing: a human eye "
          "with a "
-         "condensing lens. Positions in the top camera are computed through it."},
+         "condensing lens; porcine_condensing: a pig's behind that lens. Positions in the top "
+         "camera are computed through it."},
         {"robot", "magnetic robot",
          "Its size, weight and magnetization: the loop computes the currents with them."},
         {"calibration", "file of the measured field of the coils (YAML), none: computed dipoles",

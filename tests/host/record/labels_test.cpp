@@ -39,6 +39,15 @@ TEST(RunLabels, KeepTheTimeOfRemovalAsUtc) {
   EXPECT_EQ(removed("2026-11-24T08:10Z"), "2026-11-24T08:10:00Z");
 }
 
+TEST(RunLabels, KeepTheTimeOfDeathAsUtcAndNameItWhenItIsNone) {
+  nlohmann::json sample;
+  set_sample_field(sample, "died", "2026-11-24T05:40+01:00");
+  set_sample_field(sample, "pipette", "24 G, glass");
+  EXPECT_EQ(sample["died"], "2026-11-24T04:40:00Z");
+  EXPECT_EQ(sample["pipette"], "24 G, glass");
+  EXPECT_NE(refusal("died", "at dawn").find("died: wants a time such as"), std::string::npos);
+}
+
 TEST(RunLabels, RefuseATimeThatIsNone) {
   for (const char* text : {"today", "2026-11-24", "2026-13-24T08:10Z", "2026-02-31T08:10Z",
                            "2026-11-24T08:70Z", "2026-11-24T08:10+25:00", "2026-11-24T08:10 noon"})
@@ -48,7 +57,8 @@ TEST(RunLabels, RefuseATimeThatIsNone) {
 
 TEST(RunLabels, RefuseWhatWouldNotBeFoundAgain) {
   EXPECT_EQ(refusal("colour", "x"),
-            "sample: has no 'colour', only eye, species, age, removed, robot");
+            "sample: has no 'colour', only eye, species, age, died, removed, pipette, light, "
+            "robot");
   EXPECT_EQ(refusal("eye", ""), "sample eye: wants a text, got an empty one");
   EXPECT_EQ(refusal("eye", "a\nb"), "sample eye: wants a text of one line");
   nlohmann::json tags;
