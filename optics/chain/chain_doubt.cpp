@@ -69,10 +69,9 @@ std::optional<Linearized> linearize(const ViewingChain& chain, const RobotPlace&
 
 /// The residual's part that no position explains, by its whole covariance: r' S^-1 r less what the
 /// best position takes of it.
-double unexplained(const Linearized& seen_here, const OutlineSeen& seen,
-                   const Eigen::MatrixXd& covariance) {
+double unexplained(const Linearized& seen_here, const OutlineSeen& seen, const Five& of_chain) {
   const ShownEllipse& shown = seen_here.shown;
-  const Five all = seen_here.noise + shown.by_theta * covariance * shown.by_theta.transpose();
+  const Five all = seen_here.noise + of_chain;
   const SmoothEllipseVector residual = smooth_from(seen.ellipse) - shown.ellipse;
   const Eigen::LDLT<Five> factor(all);
   const SmoothEllipseVector weighted = factor.solve(residual);
@@ -117,12 +116,12 @@ double retina_offset(const ViewingChain& chain, const Eigen::Vector2d& at) {
 Eigen::RowVectorXd retina_derivative(const ViewingChain& chain, const Eigen::Vector2d& at) {
   const Eigen::Vector2d r = at / detail::kRetinaRadius;
   Eigen::RowVectorXd by = Eigen::RowVectorXd::Zero(chain.size());
-  for (Eigen::Index i = 0; i < chain.size(); ++i)
-    by[i] = chain.own_sigma(i, "retina_depth") + chain.own_sigma(i, "retina_tilt_x") * r.x() +
-            chain.own_sigma(i, "retina_tilt_y") * r.y() +
-            chain.own_sigma(i, "retina_curvature") * r.squaredNorm() +
-            chain.own_sigma(i, "retina_astigmatism_x") * (r.x() * r.x() - r.y() * r.y()) +
-            chain.own_sigma(i, "retina_astigmatism_y") * 2 * r.x() * r.y();
+  chain.add(OwnParameter::retina_depth, 1, by);
+  chain.add(OwnParameter::retina_tilt_x, r.x(), by);
+  chain.add(OwnParameter::retina_tilt_y, r.y(), by);
+  chain.add(OwnParameter::retina_curvature, r.squaredNorm(), by);
+  chain.add(OwnParameter::retina_astigmatism_x, r.x() * r.x() - r.y() * r.y(), by);
+  chain.add(OwnParameter::retina_astigmatism_y, 2 * r.x() * r.y(), by);
   return by;
 }
 
@@ -142,21 +141,21 @@ std::optional<PositionDoubt> position_doubt(const ChainBelief& belief, const Rob
   OutlineSeen alone = seen;
   alone.contour_sigma_px = 0;
   doubt.tracker = here->gain * smooth_covariance(alone) * here->gain.transpose();
-  const Eigen::MatrixXd with_all = doubt.by_theta * C;  // 3 x N
-  Eigen::MatrixXd of_eye = doubt.by_theta;
-  for (Eigen::Index i = 0; i < of_eye.cols(); ++i)
-    if (belief.chain.parameters()[static_cast<std::size_t>(i)].part != ChainPart::eye)
-      of_eye.col(i).setZero();
-  const Eigen::Matrix3d chain = with_all * doubt.by_theta.transpose();
-  const Eigen::Matrix3d share = with_all * of_eye.transpose();
-  doubt.eye = (share + share.transpose()) / 2;
+  const auto& J = here->shown.by_theta;
+  const Eigen::Index eyes = belief.chain.eye_size();
+  const Eigen::Matrix<double, 5, Eigen::Dynamic> with_all = J * C;
+  const Five of_chain = with_all * J.transpose();
+  const Five of_eye = with_all.leftCols(eyes) * J.leftCols(eyes).transpose();
+  const Eigen::Matrix3d chain = here->gain * of_chain * here->gain.transpose();
+  doubt.eye = here->gain * ((of_eye + of_eye.transpose()) / 2) * here->gain.transpose();
   doubt.calibration = chain - doubt.eye;
   doubt.covariance = doubt.noise + chain;
-  const Eigen::RowVectorXd height =
-      doubt.by_theta.row(2) + retina_derivative(belief.chain, touched);
+  const Eigen::RowVectorXd retina = retina_derivative(belief.chain, touched);
+  const Eigen::RowVectorXd height = doubt.by_theta.row(2) + retina;
+  const Eigen::RowVectorXd with_height = here->gain.row(2) * with_all + retina * C;
   doubt.height_noise = doubt.noise(2, 2);
-  doubt.height_variance = doubt.height_noise + height.dot((C * height.transpose()).transpose());
-  doubt.chi2 = unexplained(*here, seen, C);
+  doubt.height_variance = doubt.height_noise + with_height.dot(height);
+  doubt.chi2 = unexplained(*here, seen, of_chain);
   return doubt;
 }
 

@@ -133,12 +133,12 @@ Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlac
   of_line << -inverse, -point.z() * inverse;
   all.rightCols(chain.size()) = chain.by_theta(line, of_line);
   const Eigen::Vector3d along = place.axis * place.axis.dot(offset);
-  for (Eigen::Index i = 0; i < chain.size(); ++i) {
-    all.col(5 + i) +=
-        by_point * along * (chain.own_sigma(i, "robot_length") / chain.placed().robot_length);
-    all.col(5 + i) += by_point * (offset - along) *
-                      (chain.own_sigma(i, "robot_width") / chain.placed().robot_width);
-  }
+  const auto grow = [&](OwnParameter which, const Eigen::Vector3d& part, double factor) {
+    const ViewingChain::Own& own = chain.own(which);
+    if (own.at >= 0) all.col(5 + own.at) += by_point * part * (own.sigma / factor);
+  };
+  grow(OwnParameter::robot_length, along, chain.placed().robot_length);
+  grow(OwnParameter::robot_width, offset - along, chain.placed().robot_width);
   return all;
 }
 
@@ -206,10 +206,9 @@ std::optional<ShownEllipse> differentiated_ellipse(const ViewingChain& chain,
   shown.by_axis = by->middleCols<2>(3);
   shown.by_theta = by->rightCols(chain.size());
   shown.by_position(2, 2) += chain.placed().dilation_slope;
-  for (Eigen::Index i = 0; i < chain.size(); ++i)
-    shown.by_theta(2, i) +=
-        chain.own_sigma(i, "dilation") +
-        chain.own_sigma(i, "dilation_slope") * (place.position.z() - detail::kDilationHeight);
+  chain.add(OwnParameter::dilation, 1, shown.by_theta.row(2));
+  chain.add(OwnParameter::dilation_slope, place.position.z() - detail::kDilationHeight,
+            shown.by_theta.row(2));
   return shown;
 }
 

@@ -230,7 +230,7 @@ std::optional<ChainMinimum> ChainSolve::from(const Eigen::VectorXd& start,
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.max_num_iterations = settings_.max_iterations;
-  options.function_tolerance = 1e-7;
+  options.function_tolerance = 1e-8;
   options.parameter_tolerance = 1e-7;
   options.num_threads = 1;
   options.logging_type = ceres::SILENT;

@@ -19,7 +19,7 @@ struct ChainEstimatorSettings {
   /// (docs/chain.md); fewer than five starts are for comparison only.
   int starts = 5;
   double start_rotation = 1.2;
-  int max_iterations = 40;
+  int max_iterations = 200;
   /// Minima within this of the best are all reported: 99 % of a chi2 with two degrees of freedom.
   double equal_chi2 = 9.2;
 };

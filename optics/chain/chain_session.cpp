@@ -91,13 +91,12 @@ std::optional<Eigen::Vector3d> place_by_size(const ViewingChain& chain,
 
 /// Where a landmark of the eye stands when the eye has turned about its retina's center.
 Eigen::Vector3d landmark_point(const ViewingChain& chain, const Eigen::Vector2d& place) {
-  const auto& eye = chain.theta();
-  double x = 0;
-  double y = 0;
-  for (Eigen::Index i = 0; i < chain.size(); ++i) {
-    x += chain.own_sigma(i, "eye_rotation_x") * eye[i];
-    y += chain.own_sigma(i, "eye_rotation_y") * eye[i];
-  }
+  const auto turned = [&chain](OwnParameter which) {
+    const ViewingChain::Own& own = chain.own(which);
+    return own.at < 0 ? 0 : own.sigma * chain.theta()[own.at];
+  };
+  const double x = turned(OwnParameter::eye_rotation_x);
+  const double y = turned(OwnParameter::eye_rotation_y);
   const Eigen::Vector3d center(0, 0, chain.nominal().prescription.system.surfaces.front().radius);
   const Eigen::Vector3d in_eye(place.x(), place.y(),
                                nominal_retina(chain, place) + retina_offset(chain, place));
@@ -166,13 +165,15 @@ std::optional<ChainBlock> block_of(const ViewingChain& chain, const ChainLandmar
   block.by_theta.topRows<2>() = seen->by_theta / landmark.sigma_px;
   const Eigen::Vector3d center(0, 0, chain.nominal().prescription.system.surfaces.front().radius);
   const Eigen::RowVectorXd depth = retina_derivative(chain, place);
-  for (Eigen::Index i = 0; i < chain.size(); ++i) {
-    const Eigen::Vector3d moved = depth[i] * Eigen::Vector3d::UnitZ() +
-                                  (chain.own_sigma(i, "eye_rotation_x") * Eigen::Vector3d::UnitX() +
-                                   chain.own_sigma(i, "eye_rotation_y") * Eigen::Vector3d::UnitY())
-                                      .cross(point - center);
-    block.by_theta.col(i).head<2>() += seen->by_position * moved / landmark.sigma_px;
-  }
+  const Eigen::Matrix<double, 2, 3> by_point = seen->by_position / landmark.sigma_px;
+  block.by_theta.topRows<2>() += by_point.col(2) * depth;
+  const auto turn = [&](OwnParameter which, const Eigen::Vector3d& about) {
+    const ViewingChain::Own& own = chain.own(which);
+    if (own.at >= 0)
+      block.by_theta.col(own.at).head<2>() += by_point * own.sigma * about.cross(point - center);
+  };
+  turn(OwnParameter::eye_rotation_x, Eigen::Vector3d::UnitX());
+  turn(OwnParameter::eye_rotation_y, Eigen::Vector3d::UnitY());
   return block;
 }
 

@@ -24,6 +24,12 @@ using ByTheta = Eigen::Matrix<double, kNumbers, Eigen::Dynamic>;
 /// sigma, the error of second order in it.
 constexpr double kStep = 1e-3;
 
+/// In the order of OwnParameter.
+constexpr const char* kOwnNames[] = {
+    "robot_length",         "robot_width",          "dilation",       "dilation_slope",
+    "retina_depth",         "retina_tilt_x",        "retina_tilt_y",  "retina_curvature",
+    "retina_astigmatism_x", "retina_astigmatism_y", "eye_rotation_x", "eye_rotation_y"};
+
 /// (center - u, v - center): m over the pixel's width (ImageScale).
 Eigen::Vector2d image_point(const ImageScale& image, const Eigen::Vector2d& pixel_px) {
   return {image.center_px.x() - pixel_px.x(), pixel_px.y() - image.center_px.y()};
@@ -43,6 +49,7 @@ ViewingChain::ViewingChain(const NominalChain& nominal, std::vector<ChainParamet
     : nominal_(nominal), parameters_(std::move(parameters)), theta_(theta) {
   detail::require(theta.size() == size() && theta.allFinite(),
                   "theta: wants a finite number for each parameter");
+  find_own();
   const detail::ChainLayout layout(nominal_, parameters_);
   detail::require(layout.surfaces().size() <= LineDerivatives::kMostSurfaces,
                   "prescription: the chain takes 16 surfaces");
@@ -61,9 +68,14 @@ ViewingChain::ViewingChain(const NominalChain& nominal, std::vector<ChainParamet
   }
 }
 
-double ViewingChain::own_sigma(Eigen::Index parameter, const char* name) const {
-  const ChainParameter& one = parameters_[static_cast<std::size_t>(parameter)];
-  return one.name == name ? one.sigma : 0;
+/// Names are looked up once: a frame asks for them a thousand times.
+void ViewingChain::find_own() {
+  for (std::size_t i = 0; i < parameters_.size(); ++i) {
+    if (parameters_[i].part == ChainPart::eye) ++eye_size_;
+    for (std::size_t k = 0; k < own_.size(); ++k)
+      if (parameters_[i].name == kOwnNames[k])
+        own_[k] = {static_cast<Eigen::Index>(i), parameters_[i].sigma};
+  }
 }
 
 /// Against the light, from the pixel inwards.

@@ -39,6 +39,22 @@ struct SeenPixel {
   Eigen::Matrix<double, 2, Eigen::Dynamic> by_theta;  // px per sigma of the parameter
 };
 
+/// Parameters that move no surface alone, by name in viewing_chain.cpp.
+enum class OwnParameter {
+  robot_length,
+  robot_width,
+  dilation,
+  dilation_slope,
+  retina_depth,
+  retina_tilt_x,
+  retina_tilt_y,
+  retina_curvature,
+  retina_astigmatism_x,
+  retina_astigmatism_y,
+  eye_rotation_x,
+  eye_rotation_y
+};
+
 /// The chain linearized in its parameters about theta. Lines are those of the refracting surfaces,
 /// however far from the axis: rims and stops clip nothing.
 class ViewingChain {
@@ -52,9 +68,19 @@ class ViewingChain {
   const Eigen::VectorXd& theta() const { return theta_; }
   const NominalChain& nominal() const { return nominal_; }
   const detail::PlacedChain& placed() const { return placed_; }
-  /// d placed() / d theta, of the robot's factors, the dilation and the retina; the parameter's
-  /// sigma where it is that one, else 0.
-  double own_sigma(Eigen::Index parameter, const char* name) const;
+  /// Where a parameter that is no surface's or microscope's stands in theta.
+  struct Own {
+    Eigen::Index at = -1;  // -1: held
+    double sigma = 0;
+  };
+  const Own& own(OwnParameter which) const { return own_[static_cast<std::size_t>(which)]; }
+  /// to[at] += by * sigma, where it is not held.
+  template <class Row>
+  void add(OwnParameter which, double by, Row&& to) const {
+    if (own(which).at >= 0) to[own(which).at] += by * own(which).sigma;
+  }
+  /// The parameters of the eye come first.
+  Eigen::Index eye_size() const { return eye_size_; }
 
   /// Nothing where a surface is missed or reflects all.
   std::optional<VitreousLine> line(const Eigen::Vector2d& pixel_px) const;
@@ -71,9 +97,12 @@ class ViewingChain {
                                        const Eigen::Vector2d& near_px) const;
 
  private:
+  void find_own();
   NominalChain nominal_;
   std::vector<ChainParameter> parameters_;
   Eigen::VectorXd theta_;
+  std::array<Own, 12> own_{};
+  Eigen::Index eye_size_ = 0;
   detail::PlacedChain placed_;
   // by theta, of each surface's and the microscope's numbers
   std::vector<Eigen::Matrix<double, 7, Eigen::Dynamic>> surfaces_by_theta_;

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/view_doubt.h"
+
+#include "control/robots.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+constexpr double kUm = 1e-6;
+
+RigModel rig_model(bool eye_uncertain) {
+  RigModel model;
+  model.eye = optics::model_eye_5_3();
+  model.robot = control::robot_named("coni_2mm");
+  model.keep_out.eye_uncertain = eye_uncertain;
+  return model;
+}
+
+/// What the top camera would see of it by the believed chain, to a tenth of a pixel.
+vision::EllipseMeasurement seen_at(const RigModel& model, const Eigen::Vector3d& position) {
+  optics::NominalChain nominal;
+  nominal.prescription = optics::prescription(model.eye_name);
+  nominal.microscope = model.microscope;
+  nominal.image = model.top_image;
+  nominal.robot = {model.robot.semi_axis, model.robot.semi_radius};
+  const auto belief = optics::prior_belief(nominal, optics::ChainSigmas::none());
+  const auto shown = optics::shown_ellipse(belief.chain, {position, {1, 0, 0}, {0, 0}});
+  EXPECT_TRUE(shown);
+  const optics::EllipseVector ellipse = optics::ellipse_from(*shown);
+  vision::EllipseMeasurement seen{};
+  seen.ellipse = {ellipse.head<2>(), ellipse[2], ellipse[3], ellipse[4]};
+  seen.covariance = 0.01 * optics::EllipseCovariance::Identity();
+  seen.covariance(4, 4) = 1e-6;
+  return seen;
+}
+
+double depth_sigma(const RigModel& model, bool calibrated, double z) {
+  const Eigen::Vector3d position(1e-3, 0, z);
+  const ViewDoubt doubt(model, {1, 0, 0}, calibrated);
+  const auto stays = doubt.systematic(position, {1, 0, 0}, seen_at(model, position), false, 0);
+  EXPECT_TRUE(stays);
+  return std::sqrt((*stays)(2, 2));
+}
+
+TEST(ViewDoubt, AHundredthOfTheSizeIsATenthOfAMillimeterAndMoreOfDepth) {
+  const double sigma = depth_sigma(rig_model(false), false, 5e-3);
+  EXPECT_GT(sigma, 100 * kUm);  // 869 um for 5 % by the review of the localizer: 174 for one
+  EXPECT_LT(sigma, 300 * kUm);
+}
+
+TEST(ViewDoubt, ALookOnTheRetinaTakesTheSizeAwayWhereItLay) {
+  const RigModel model = rig_model(false);
+  EXPECT_LT(depth_sigma(model, true, 0.6e-3), 0.6 * depth_sigma(model, false, 0.6e-3));
+  EXPECT_GT(depth_sigma(model, true, 8e-3), depth_sigma(model, true, 0.6e-3));
+}
+
+TEST(ViewDoubt, AnEyeKnownByTable51AloneIsHalfAMillimeterOfDepth) {
+  const RigModel model = rig_model(true);
+  const double before = depth_sigma(model, false, 5e-3);
+  EXPECT_GT(before, 400 * kUm);  // 588 um rms in 40 eyes
+  EXPECT_LT(before, 900 * kUm);
+  const double after = depth_sigma(model, true, 5e-3);
+  EXPECT_LT(after, 0.7 * before);
+  EXPECT_GT(after, 200 * kUm) << "the retina's own 0.3 mm stay in the absolute depth";
+}
+
+}  // namespace
+}  // namespace vitreo
