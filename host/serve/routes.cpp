@@ -3,13 +3,12 @@
 
 #include "host/config/config.h"
 #include "host/config/rights.h"
+#include "host/serve/asked.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <functional>
-#include <map>
 #include <optional>
 #include <stdexcept>
 
@@ -29,58 +28,6 @@ class Missing : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
-
-/// A request taken apart.
-struct Asked {
-  const WebRequest& request;
-  std::map<std::string, std::string> query;
-  std::vector<std::string> names;  // what stands for {id}, {name}
-  json body;                       // null where there is none
-};
-
-/// %41 and "+" (application/x-www-form-urlencoded). Throws ConfigError for half a code.
-std::string decoded(std::string_view text) {
-  std::string plain;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '+') {
-      plain += ' ';
-    } else if (text[i] == '%') {
-      int code = 0;
-      const auto end = text.data() + std::min(i + 3, text.size());
-      const auto read = std::from_chars(text.data() + i + 1, end, code, 16);
-      if (read.ptr != text.data() + i + 3) throw ConfigError("the address: has a broken % code");
-      plain += static_cast<char>(code);
-      i += 2;
-    } else {
-      plain += text[i];
-    }
-  }
-  return plain;
-}
-
-std::vector<std::string> split(const std::string& text, char separator) {
-  std::vector<std::string> parts;
-  std::size_t begin = 0;
-  while (begin <= text.size()) {
-    const std::size_t end = std::min(text.find(separator, begin), text.size());
-    if (end > begin) parts.push_back(text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return parts;
-}
-
-std::int64_t whole(const std::string& name, const std::string& text) {
-  std::int64_t number = 0;
-  const auto read = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (read.ec != std::errc() || read.ptr != text.data() + text.size() || number < 0)
-    throw ConfigError(name + ": wants a whole number; got " + text.substr(0, 40));
-  return number;
-}
-
-std::string value_or(const Asked& asked, const std::string& name, const std::string& otherwise) {
-  const auto found = asked.query.find(name);
-  return found == asked.query.end() ? otherwise : found->second;
-}
 
 WebReply reply(const json& body, int status = 200) {
   return {status, body.dump(-1, ' ', false, json::error_handler_t::replace)};
@@ -225,7 +172,7 @@ WebReply hold_queue(const Asked& asked, Parts& parts) {
 }
 
 WebReply ended_jobs(const Asked& asked, Parts& parts) {
-  const auto most = static_cast<std::size_t>(whole("most", value_or(asked, "most", "100")));
+  const auto most = asked.count_or("most", "100");
   json jobs = json::array();
   for (const Job& job : parts.queue.ended(std::min(most, kMostRuns))) jobs.push_back(to_json(job));
   return reply({{"jobs", jobs}});
@@ -243,10 +190,10 @@ WebReply control(const Asked& asked, Parts& parts) {
 WebReply run_now(const Asked&, Parts& parts) { return reply(parts.dispatcher.running()); }
 
 WebReply list_runs(const Asked& asked, Parts& parts) {
-  const auto most = static_cast<std::size_t>(whole("most", value_or(asked, "most", "100")));
-  const auto skip = static_cast<std::size_t>(whole("skip", value_or(asked, "skip", "0")));
-  return reply(parts.shelf.runs(value_or(asked, "find", ""),
-                                split(value_or(asked, "columns", ""), ','), skip,
+  const auto most = asked.count_or("most", "100");
+  const auto skip = asked.count_or("skip", "0");
+  return reply(parts.shelf.runs(asked.value_or("find", ""),
+                                split(asked.value_or("columns", ""), ','), skip,
                                 std::min(most, kMostRuns)));
 }
 
@@ -268,11 +215,11 @@ WebReply check_values(const Asked& asked, Parts& parts) {
 }
 
 WebReply compare(const Asked& asked, Parts& parts) {
-  return reply(parts.shelf.compare(split(value_or(asked, "runs", ""), ',')));
+  return reply(parts.shelf.compare(split(asked.value_or("runs", ""), ',')));
 }
 
 WebReply compare_page(const Asked& asked, Parts& parts) {
-  return sandboxed(parts.shelf.comparison_page(split(value_or(asked, "runs", ""), ',')),
+  return sandboxed(parts.shelf.comparison_page(split(asked.value_or("runs", ""), ',')),
                    "text/html; charset=utf-8");
 }
 
@@ -362,16 +309,6 @@ std::optional<std::vector<std::string>> matched(const std::string& pattern,
       return std::nullopt;
   }
   return names;
-}
-
-std::map<std::string, std::string> query_of(const std::string& text) {
-  std::map<std::string, std::string> query;
-  for (const std::string& pair : split(text, '&')) {
-    const std::size_t equals = pair.find('=');
-    query[decoded(pair.substr(0, equals))] =
-        equals == std::string::npos ? "" : decoded(pair.substr(equals + 1));
-  }
-  return query;
 }
 
 WebReply find_and_answer(const WebRequest& request, Parts& parts) {

@@ -132,10 +132,16 @@ nlohmann::json lines_of(const std::vector<ComparedLine>& lines) {
   return all;
 }
 
-/// First what a reader looks for: the first result, of each run. One run each never says better.
+/// First what a reader looks for: the first result that differs, of each run. It never says better:
+/// one run each has no spread.
 std::string sentence_of(const RunComparison& made) {
   if (made.results.empty()) return "No results are stated.";
-  const ComparedLine& first = made.results.front();
+  const auto differs =
+      std::find_if(made.results.begin(), made.results.end(), [](const ComparedLine& line) {
+        return std::any_of(line.cells.begin(), line.cells.end(),
+                           [&line](const std::string& cell) { return cell != line.cells[0]; });
+      });
+  const ComparedLine& first = differs == made.results.end() ? made.results.front() : *differs;
   std::string text = first.name + ": ";
   for (std::size_t i = 0; i < made.names.size(); ++i)
     text += fmt::format("{}{} in {}", i == 0 ? "" : ", ", first.cells[i], made.names[i]);

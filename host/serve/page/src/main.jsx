@@ -53,6 +53,7 @@ function Workbench() {
   useEffect(() => {
     const change = () => setAddress(addressNow());
     addEventListener('hashchange', change);
+    change(); // it may have changed between the first picture and now
     follow((next) => {
       setConnected(next !== null);
       if (next) setState(next);

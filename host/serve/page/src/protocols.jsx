@@ -140,7 +140,7 @@ function useRehearsal(name, request, ready) {
   return rehearsal;
 }
 
-function WhatWillHappen({ rehearsal, checked, sweep }) {
+function WhatWillHappen({ rehearsal, checked, sweep, right }) {
   const row = (name, value) => (
     <>
       <dt>{name}</dt>
@@ -175,7 +175,7 @@ function WhatWillHappen({ rehearsal, checked, sweep }) {
           ))}
         </>
       ) : (
-        <p class="hint">Rehearsing on the rig’s twin …</p>
+        <p class="hint">{right ? 'Rehearsing on the rig’s twin …' : 'Is rehearsed once the values are right.'}</p>
       )}
     </section>
   );
@@ -290,7 +290,7 @@ export function ProtocolForm({ name, given, state }) {
             <Wrong text={notAdded} />
           </details>
         </section>
-        <WhatWillHappen rehearsal={rehearsal} checked={checked} sweep={checked?.sweep} />
+        <WhatWillHappen rehearsal={rehearsal} checked={checked} sweep={checked?.sweep} right={right} />
       </aside>
     </>
   );
