@@ -44,6 +44,7 @@ CoilBank::CoilBank(const CoilBankSettings& settings, int coils)
   if (settings_.one_shot > 0) relay_.emplace(from_seconds(settings_.one_shot));
   target_ = currents_ = lagging_ = control::Currents::Zero(coils);
   temperatures_ = control::Currents::Constant(coils, settings_.ambient);
+  response_ = control::Currents::Ones(coils);
 }
 
 // A queue, because the delay may be longer than the time between two set-points. A dead coil is
@@ -55,6 +56,12 @@ void CoilBank::command(Time time, const control::Currents& set_points) {
   require(commands_.empty() || acts_from >= commands_.back().acts_from, "time runs backwards");
   commands_.push_back({acts_from, set_points});
   for (const int coil : settings_.dead) commands_.back().currents[coil - 1] = 0;
+}
+
+void CoilBank::set_response(int coil, double part) {
+  require(coil >= 1 && coil <= response_.size(), "response: there is no such coil");
+  require(std::isfinite(part), "response: not finite");
+  response_[coil - 1] = part;
 }
 
 void CoilBank::set_line(Time time, bool high) {
@@ -104,6 +111,7 @@ control::Currents CoilBank::effective() const {
     }
     field[coil] *=
         1 + settings_.gain_temperature_coefficient * (temperatures_[coil] - settings_.ambient);
+    field[coil] *= response_[coil];
   }
   return field;
 }

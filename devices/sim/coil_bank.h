@@ -46,6 +46,9 @@ class CoilBank {
   /// The heartbeat line, at `time`: without its edges the amplifiers give nothing, whatever they
   /// are told. Times must not run backwards.
   void set_line(Time time, bool high);
+  /// Part of the current of a coil (from 1) that makes field from now on, 1 where nothing is wrong
+  /// with it: windings that are shorted carry what the amplifier gives and make less.
+  void set_response(int coil, double part);
   /// One step of 1 ms from `start`: currents and temperatures of its end.
   void step(Time start);
   const control::Currents& currents() const { return currents_; }          // A, without the noise
@@ -66,7 +69,8 @@ class CoilBank {
   control::Currents target_;
   control::Currents currents_;
   control::Currents temperatures_;
-  control::Currents lagging_;  // A: hysteresis, what the fields are behind the currents
+  control::Currents response_;  // of each coil's current that makes field
+  control::Currents lagging_;   // A: hysteresis, what the fields are behind the currents
   std::normal_distribution<double> normal_;
 };
 

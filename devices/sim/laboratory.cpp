@@ -275,7 +275,13 @@ struct Laboratory::State {
   /// What the amplifiers give: set-points clamped by the injected saturation, none where one is cut
   /// off.
   void drive(Time now, control::Currents commands) {
+    if (commands.size() == 0) return;  // nothing was set yet
     set_points = commands;
+    for (int channel = 1; channel <= commands.size(); ++channel) {
+      const auto wrong = faults.coil_response.find(channel);
+      world.set_coil_response(now, channel,
+                              wrong == faults.coil_response.end() ? 1 : wrong->second);
+    }
     for (double& command : commands)
       command = std::clamp(command, -faults.saturation, faults.saturation);
     for (int channel = 1; channel <= commands.size(); ++channel)

@@ -97,7 +97,8 @@ class Laboratory {
   Faults& faults();
   /// After a change of faults().lens: its motor loses its steps, or its limit switch cuts it off.
   void apply_lens_faults();
-  /// After a change of faults().saturation or cut_off: the amplifiers give what they now can.
+  /// After a change of saturation, cut_off or coil_response of faults(): the amplifiers give what
+  /// they now can.
   void apply_coil_faults();
   /// A, per coil, asked for by amplifiers that are not behind the USB-3103.
   void drive_coils(Time now, const std::vector<double>& currents);

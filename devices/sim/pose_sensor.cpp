@@ -67,7 +67,10 @@ class SimulatedPoseSensor : public PoseSensor {
       }
       wait_until(number * period_ + latency_);
       last_ = number;
-      if (!faults_.frozen) {  // before the world forgets it
+      // Before the world forgets it. An alternating one has the last two.
+      const bool old = faults_.frozen || faults_.stale || (faults_.alternating && before_position_);
+      if (!old) {
+        before_position_ = last_position_;
         last_position_ = truth_(number * period_);
         if (axis_) last_axis_ = axis_(number * period_);
       }
@@ -91,15 +94,16 @@ class SimulatedPoseSensor : public PoseSensor {
   // Truth with white noise; the covariance is the noise's own, sigma^2 1.
   PoseReading reading(std::int64_t number, Time arrives) const {
     PoseReading reading{static_cast<std::uint64_t>(number),
-                        number * period_ + faults_.jump,
+                        number * period_ + faults_.stamp_error(number * period_),
                         arrives,
-                        last_position_,
+                        faults_.alternating && number % 2 == 0 ? before_position_ : last_position_,
                         {}};
     reading.covariance = settings_.noise * settings_.noise * Eigen::Matrix3d::Identity();
     reading.axis = last_axis_;
     const auto [shift, turn] = noise_of(seed_, reading.number);
-    if (reading.position && !faults_.frozen) *reading.position += settings_.noise * shift;
-    if (reading.axis && !faults_.frozen)
+    const bool to_the_bit = faults_.frozen || faults_.alternating;
+    if (reading.position && !to_the_bit) *reading.position += settings_.noise * shift;
+    if (reading.axis && !to_the_bit)
       reading.axis = (*reading.axis + settings_.axis_noise * turn).normalized();
     if (faults_.nan)
       reading.position = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
@@ -116,6 +120,7 @@ class SimulatedPoseSensor : public PoseSensor {
   Time latency_;
   std::int64_t last_ = -1;
   std::optional<Eigen::Vector3d> last_position_;
+  std::optional<Eigen::Vector3d> before_position_;
   std::optional<Eigen::Vector3d> last_axis_;
 };
 

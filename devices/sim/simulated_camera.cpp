@@ -92,6 +92,28 @@ std::string SimulatedCamera::set_feature(const std::string& name, const std::str
   return feature(name);
 }
 
+// Two pictures are kept, for a fault that repeats them.
+void SimulatedCamera::expose(Time exposed, std::uint64_t number) {
+  const bool old = faults_.frozen || faults_.stale || (faults_.alternating && !before_.empty());
+  if (old && !picture_.empty()) return;
+  before_ = picture_;
+  picture_ = spoiled(draw_(exposed, number), faults_.picture, exposed);
+  if (gain_ > 0) picture_.convertTo(picture_, -1, std::pow(10, gain_ / 20));
+}
+
+// An old picture with noise of its own is as a stuck buffer behind a converter, or a film of it.
+cv::Mat SimulatedCamera::delivered(std::uint64_t number) {
+  constexpr double kNoise = 2;  // gray levels, standard deviation
+  if (faults_.alternating && !faults_.frozen && number % 2 == 0) return before_;
+  if (!faults_.stale) return picture_;
+  cv::Mat noise(picture_.size(), CV_MAKETYPE(CV_16S, picture_.channels()));
+  cv::RNG random(mix(seed_, number, 11));
+  random.fill(noise, cv::RNG::NORMAL, 0, kNoise);
+  cv::Mat seen;
+  cv::add(picture_, noise, seen, cv::noArray(), picture_.type());
+  return seen;
+}
+
 // Pulls the newest frame, and renders only that one. Its time stamp is the middle of the exposure.
 Frame SimulatedCamera::grab(Time timeout) {
   const Time deadline = later(clock_.now(), timeout);
@@ -107,13 +129,10 @@ Frame SimulatedCamera::grab(Time timeout) {
     last_ = number;
     if (!comes(number)) continue;
     const auto count = static_cast<std::uint64_t>(number);
-    if (!faults_.frozen || picture_.empty()) {
-      picture_ = spoiled(draw_(exposed, count), faults_.picture, exposed);
-      if (gain_ > 0) picture_.convertTo(picture_, -1, std::pow(10, gain_ / 20));
-    }
+    expose(exposed, count);
     if (faults_.late > Time::zero()) wait_until(later(arrives, faults_.late));
     ++statistics_.delivered;
-    return {picture_, count, exposed + stamp_ + faults_.jump,
+    return {delivered(count), count, exposed + stamp_ + faults_.stamp_error(exposed),
             std::max(arrives, later(arrives, faults_.late))};
   }
 }

@@ -43,6 +43,8 @@ class SimulatedCamera : public Camera {
   std::int64_t next() const;
   bool comes(std::int64_t number);
   void wait_until(Time due);
+  void expose(Time exposed, std::uint64_t number);
+  cv::Mat delivered(std::uint64_t number);
 
   CameraInfo info_;
   Clock& clock_;
@@ -57,6 +59,7 @@ class SimulatedCamera : public Camera {
   CameraStatistics statistics_;
   double gain_ = 0;  // dB
   cv::Mat picture_;  // the last one
+  cv::Mat before_;   // the one before it
 };
 
 }  // namespace vitreo::sim

@@ -43,13 +43,31 @@ void draw_floater(cv::Mat& picture, int radius_px, double since) {
     }
 }
 
+// As a camera sees it that is not where it was: mirrored, turned about the picture's middle, moved
+// along its rows. What comes in from outside is the edge's own gray.
+cv::Mat as_mounted(const cv::Mat& picture, const PictureFaults& faults) {
+  cv::Mat seen;
+  if (faults.mirrored)
+    cv::flip(picture, seen, 1);
+  else
+    seen = picture;
+  const cv::Point2f middle(0.5F * static_cast<float>(picture.cols - 1),
+                           0.5F * static_cast<float>(picture.rows - 1));
+  cv::Mat motion = cv::getRotationMatrix2D(middle, faults.turned * 180 / M_PI, 1);
+  motion.at<double>(0, 2) += faults.shift_px;
+  cv::Mat moved;
+  cv::warpAffine(seen, moved, motion, seen.size(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  return moved;
+}
+
 }  // namespace
 
 // In the order of the light's way: what floats in the eye, then the lens, then the exposure.
 // Where nothing is wrong the same image goes on, so that faults cost nothing when there are none.
 cv::Mat spoiled(const cv::Mat& picture, const PictureFaults& faults, Time exposed) {
-  if (faults.light == 1 && faults.blur_px == 0 && faults.floater_px == 0) return picture;
-  cv::Mat worse = picture.clone();
+  const bool moved = faults.shift_px != 0 || faults.turned != 0 || faults.mirrored;
+  if (faults.light == 1 && faults.blur_px == 0 && faults.floater_px == 0 && !moved) return picture;
+  cv::Mat worse = moved ? as_mounted(picture, faults) : picture.clone();
   if (faults.floater_px > 0)
     draw_floater(worse, faults.floater_px,
                  std::max(0.0, to_seconds(exposed - faults.floater_since)));

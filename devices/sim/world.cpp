@@ -107,6 +107,11 @@ void World::insert_robot(Time time, const Eigen::Vector3d& near) {
   remember();
 }
 
+void World::set_coil_response(Time time, int coil, double part) {
+  advance_to(time);
+  coils_.set_response(coil, part);
+}
+
 void World::remove_robot(Time time) {
   advance_to(time);
   now_.present = false;

@@ -48,6 +48,8 @@ class World {
   void set_coil_commands(Time time, const control::Currents& commands);
   /// The amplifiers' heartbeat line (CoilBank::set_line).
   void set_enable_line(Time time, bool high) { coils_.set_line(time, high); }
+  /// Part of a coil's current (from 1) that makes field from `time` on (CoilBank::set_response).
+  void set_coil_response(Time time, int coil, double part);
   void insert_robot(Time time, const Eigen::Vector3d& near);
   void remove_robot(Time time);
   /// Puts a body (counted as in the settings, from 0) somewhere else. Throws std::out_of_range

@@ -174,9 +174,14 @@ class TripReport {
  public:
   TripReport(RunStage& stage, Session& session) : coils_(session.rig.coils) {
     if (coils_ == nullptr) return;
-    coils_->on_trip([&stage, &session](const Interlock::Trip& trip) {
+    coils_->on_trip([this, &stage, &session](const Interlock::Trip& trip) {
       stage.recorder->event(stage.clock->now(), "interlock", trip.why);
-      session.raise("interlock", AlarmPriority::high, trip.why + "; the coils are at zero");
+      // A claim of an alarm is true: an amplifier that did not take the zero is still energized.
+      session.raise("interlock", AlarmPriority::high,
+                    trip.why + (coils_->energized()
+                                    ? "; the coils may be energized: the amplifier did not take "
+                                      "the zero"
+                                    : "; the coils are at zero"));
       // What a script may come back from is a trip of its own doing, not a broken instrument.
       if (trip.broken)
         session.control.request(StopTier::abort, "because " + trip.why, {"interlock"});

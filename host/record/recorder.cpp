@@ -18,6 +18,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include <algorithm>
+#include <cctype>
 #include <optional>
 #include <stdexcept>
 
@@ -269,11 +270,37 @@ void Recorder::plot(const Plot& plot) {
       false);
 }
 
-// A coarse check, and enough: the report shows it as an image, in which no script runs.
+/// What in an SVG runs a program when the file is opened by itself in a browser; empty: nothing.
+/// Coarse on purpose: text that only looks so is refused as well.
+std::string program_in(const std::string& svg) {
+  std::string lower;
+  for (const char c : svg) lower += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (const char* const word : {"<script", "<foreignobject", "<iframe", "javascript:", "<!entity",
+                                 "<handler", "<embed", "<object", "data:text"})
+    if (lower.find(word) != std::string::npos) return word;
+  // An attribute of an event: a space or a quote, "on", letters, "=".
+  for (std::size_t at = lower.find("on"); at != std::string::npos; at = lower.find("on", at + 1)) {
+    const bool begins =
+        at > 0 && std::string(" \t\n\r\f\v/\"'").find(lower[at - 1]) != std::string::npos;
+    std::size_t end = at;
+    while (end < lower.size() && std::isalpha(static_cast<unsigned char>(lower[end])) != 0) ++end;
+    const std::string name = lower.substr(at, end - at);
+    while (end < lower.size() && std::isspace(static_cast<unsigned char>(lower[end])) != 0) ++end;
+    if (begins && name.size() > 2 && end < lower.size() && lower[end] == '=') return name + "=";
+  }
+  return {};
+}
+
+// The report shows it as an image, in which no script runs; the file in plots/ may be opened by
+// itself.
 void Recorder::drawing(const std::string& title, const std::string& svg) {
   state_->must_be_open();
   if (!svg.starts_with("<svg xmlns=") || svg.find("</svg>") == std::string::npos)
     throw std::invalid_argument("svg: wants a whole SVG document, from <svg xmlns= to </svg>");
+  const std::string program = program_in(svg);
+  if (!program.empty())
+    throw std::invalid_argument("svg: wants a drawing without programs, and this one has \"" +
+                                program + "\"");
   auto& drawings = state_->data.drawings;
   drawings.push_back({title, svg});
   state_->writer.post([one = drawings.back(), number = drawings.size() - 1](

@@ -155,6 +155,18 @@ void Interlock::set_currents(std::span<const double> currents) {
   send(currents);
 }
 
+void Interlock::hold_for(Time duration) {
+  if (clock_ == nullptr) throw std::logic_error("holding currents for a time wants a clock");
+  hold_ = Hold{clock_->now(), duration};
+}
+
+/// Why currents that no loop sets may not stand any longer; empty: they may.
+std::string Interlock::outlived() const {
+  if (!hold_ || has_loop() || clock_->now() - hold_->since <= hold_->duration) return "";
+  return fmt::format("dead-man: the currents were to be held for {:g} s, and were not set again",
+                     to_seconds(hold_->duration));
+}
+
 // Conditions are added by the rig's opening and outlive every loop; they are asked in their order.
 void Interlock::require(std::string why, std::function<bool()> holds) {
   conditions_.push_back({std::move(why), std::move(holds)});
@@ -203,6 +215,7 @@ void Interlock::send(std::span<const double> currents) {
   }
   sent_.assign(currents.begin(), currents.end());
   energized_ = !is_zero(currents);
+  if (!energized_) hold_.reset();
   count(currents);
   if (clock_ == nullptr) return;
   sent_at_ = clock_->now();
@@ -251,6 +264,7 @@ void Interlock::make_safe() {
   amplifier_.make_safe();
   std::fill(sent_.begin(), sent_.end(), 0.0);
   energized_ = false;
+  hold_.reset();
   if (clock_ != nullptr) {
     zeroed_at_ = clock_->now();
     note_set(zeroed_at_);
@@ -460,6 +474,7 @@ std::string Interlock::fault() const {
         "\u00b0C",
         temperature_.hottest() - 273.15, limits_.heat.limit - 273.15);
   if (const std::string why = unmet(); !why.empty()) return "dead-man: " + why;
+  if (std::string why = outlived(); !why.empty()) return why;
   return late_heartbeat();
 }
 

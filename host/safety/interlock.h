@@ -86,6 +86,11 @@ class Interlock : public CoilAmplifier {
     Time last_;
   };
 
+  /// Currents that no loop sets are let for so long: without another hold_for() until then they go
+  /// to zero, which is a trip. Of a script that sets them itself, and may stand still or forget
+  /// them. A zero ends it, and while a loop beats it rests. Wants a clock.
+  void hold_for(Time duration);
+
   /// A condition under which a current may flow, beside the heartbeats (a pedal that is held);
   /// `why` says that it does not hold. Asked before the coils are energized and every 50 ms while
   /// they are; must not throw.
@@ -154,6 +159,7 @@ class Interlock : public CoilAmplifier {
   void forget_slew();
   void watch();
   std::string late_heartbeat() const;
+  std::string outlived() const;
   std::string beat_forbidden() const;
   void start_beat();
   void stop_beat();
@@ -203,6 +209,11 @@ class Interlock : public CoilAmplifier {
   std::unique_ptr<HeartbeatLine> line_;   // null: none
   Time answer_within_{};                  // where there is a line
   std::unique_ptr<CurrentWatch> sensed_;  // null: none
+  struct Hold {
+    Time since{};
+    Time duration{};
+  };
+  std::optional<Hold> hold_;  // of currents that a script set
   std::unique_ptr<Task> watch_;
 };
 

@@ -31,6 +31,12 @@ bool uses_pose_sensor(const ServoSettings& settings) {
   return settings.by_pose || settings.feedback == Feedback::pose_sensor;
 }
 
+/// s; 0 where there is none, which check_cameras() refuses.
+double usual_period(const Rig& rig, bool by_pose) {
+  if (by_pose) return rig.pose_sensor != nullptr ? rig.pose_sensor->period() : 0;
+  return rig.top_camera != nullptr ? rig.top_camera->info().frame_period : 0;
+}
+
 /// Whether rig and background have what the feedback needs.
 /// Throws std::invalid_argument before any device is asked for a frame.
 void check_cameras(const Rig& rig, const ServoCameras& cameras, const ServoSettings& settings) {
@@ -71,9 +77,11 @@ ObservationSource::ObservationSource(Clock& clock, Rig& rig, Recorder& recorder,
       feedback_(settings.feedback),
       by_pose_(uses_pose_sensor(settings)),
       side_(cameras.side),
-      validator_(clock, recorder, by_pose_ ? "pose_sensor" : "top_camera") {
+      validator_(clock, recorder, by_pose_ ? "pose_sensor" : "top_camera",
+                 usual_period(rig, by_pose_)) {
   check_cameras(rig, cameras, settings);
   const RigModel model = corrected(rig.model, settings.view);
+  if (!by_pose_) view_.emplace(*cameras.top);
   if (!by_pose_)
     localizer_.emplace(model, std::move(*cameras.top), settings.axis, settings.axis_uncertainty(),
                        settings.view.image_scale != 1);
@@ -119,9 +127,11 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_camera(Tim
   ObservedFrame found{rig_.top_camera->grab(patience), {}};
   if (!validator_.plausible(found.frame)) return std::nullopt;
   validator_.must_change(found.frame.image);
-  found.observation = localizer_->look(as_gray(found.frame.image));
+  const cv::Mat gray = as_gray(found.frame.image);
+  found.observation = localizer_->look(gray);
   found.observation.position = validator_.finite(found.observation.position);
   reject_implausible(found.observation);
+  reject_other_view(found, gray);
   if (found.observation.position) *found.observation.position += offset_;
   bool joined = false;
   if (feedback_ == Feedback::two_cameras && found.observation.position) {
@@ -151,6 +161,15 @@ void ObservationSource::reject_implausible(Observation& observation) {
     recorder_.event(clock_.now(), "degraded",
                     "what is tracked does not look like the robot: it counts as not seen");
   was_implausible_ = implausible;
+}
+
+/// A camera that was moved shows the robot where it is not.
+void ObservationSource::reject_other_view(ObservedFrame& found, const cv::Mat& gray) {
+  found.distrusted = view_->fault(gray);
+  if (!found.distrusted.empty()) found.observation.position.reset();
+  if (!found.distrusted.empty() && !was_other_view_)
+    recorder_.event(clock_.now(), "degraded", "top_camera: " + found.distrusted);
+  was_other_view_ = !found.distrusted.empty();
 }
 
 }  // namespace vitreo

@@ -12,6 +12,7 @@
 #include "host/servo/localizer.h"
 #include "host/servo/observers.h"
 #include "host/servo/servo_settings.h"
+#include "host/servo/view_watch.h"
 
 #include <optional>
 
@@ -28,6 +29,7 @@ class ObservationSource {
     Frame frame;  // of the pose sensor: without an image
     /// Its position in the world, m; in a dry run with the ellipse that an image would have shown.
     Observation observation;
+    std::string distrusted{};  // why the picture is not believed; it is then without a position
   };
   /// Waits for the next one that is plausible. Throws DeviceError as the devices do, and
   /// {protocol} for what does not change (FrameValidator).
@@ -45,6 +47,7 @@ class ObservationSource {
   std::optional<ObservedFrame> by_pose(Time patience);
   std::optional<ObservedFrame> by_camera(Time patience);
   void reject_implausible(Observation& observation);
+  void reject_other_view(ObservedFrame& found, const cv::Mat& gray);
 
   Clock& clock_;
   Rig& rig_;
@@ -56,7 +59,9 @@ class ObservationSource {
   SideObservationBuffer* const side_;
   FrameValidator validator_;
   Eigen::Vector3d offset_{0, 0, 0};
+  std::optional<ViewWatch> view_;  // of the feedbacks with a camera
   bool was_implausible_ = false;
+  bool was_other_view_ = false;
 };
 
 }  // namespace vitreo

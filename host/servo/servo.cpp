@@ -2,8 +2,10 @@
 #include "host/servo/servo.h"
 
 #include "control/stability.h"
+#include "devices/time/error.h"
 #include "host/servo/attitude_loop.h"
 #include "host/servo/observation_source.h"
+#include "host/servo/plant_watch.h"
 #include "host/servo/rotating_drive.h"
 #include "host/servo/servo_record.h"
 #include "host/servo/visibility.h"
@@ -27,6 +29,9 @@ constexpr double kKeptCorrections = 30;  // s
 /// How far the law estimator may raise the field where nothing else is said, and T, the most.
 constexpr double kRaised = 3;
 constexpr double kStrongestField = 40e-3;
+
+/// m: nearer to a wall than this the robot's motion says nothing of the coils.
+constexpr double kFree = 0.3e-3;
 
 /// A per coil; 0 for those that are dead by the rig file or by the script.
 control::CurrentLimits limits_of(const Rig& rig, const std::vector<int>& dead) {
@@ -146,6 +151,7 @@ struct Servo::Loop {
                 given.law == ControlLaw::estimator || given.law == ControlLaw::rotating),
         attitude(the_recorder, given.axis, attitude_gains(the_rig)),
         surface(the_rig.model, given.clearance_belief()),
+        plant(the_rig.model),
         walls(the_rig.model.keep_out.margin) {
     if (given.law == ControlLaw::rotating)
       rotating.emplace(clock, rig, recorder, rotating_settings(rig, given, source.period()));
@@ -175,15 +181,15 @@ struct Servo::Loop {
   void tick() {
     // Before the frame is waited for: the localizer takes the axis as its prior for that frame.
     expect_axis();
-    const auto [frame, observation] = source.next();
-    // Seen means used: the dead-man is refreshed only where a plausible frame has come.
-    heartbeat->beat();
+    const auto [frame, observation, distrusted] = source.next();
     const Time decided = clock.now();
     const double now = to_seconds(decided);
+    beat();
     begin(now);
-    note_observation(frame, observation);
     look_at_walls(observation);
     const ControlStep step = drive(frame, now, observation);
+    note_taken(observation, step, distrusted);
+    watch_plant(frame, now, observation, step);
     const control::Reference target = reference.at(to_seconds(frame.exposed));
     watch_walls(frame, target, step);
     publish(frame, target, observation, step);
@@ -237,19 +243,62 @@ struct Servo::Loop {
     }
   }
 
-  /// The time since the robot was last seen, and what follows when it is too long.
-  void note_observation(const Frame& frame, const Observation& observation) {
-    if (observation.position) {
-      last_seen = frame.exposed;
+  /// Seen means used: the dead-man is refreshed only while what moves the robot is steered by
+  /// measurements that the controller took, or there is nothing that moves it yet, or any more.
+  void beat() {
+    if (!seen || let_go || to_seconds(clock.now() - taken_at) <= settings.lost_timeout)
+      heartbeat->beat();
+  }
+
+  /// Better let it sink than drive it blind.
+  void let_the_robot_go(const std::string& why) {
+    let_go = true;
+    switch_off();
+    plant.forget();
+    recorder.event(clock.now(), "lost", why + "; the coils are at zero");
+    recorder.alarm(clock.now(), "robot lost", AlarmPriority::medium, why);
+  }
+
+  /// When a measurement was last taken, and what follows when that is too long ago; by the run's
+  /// clock, as a stamp may be wrong. A robot that was let go counts as seen where it is seen.
+  void note_taken(const Observation& observation, const ControlStep& step,
+                  const std::string& distrusted) {
+    if (!distrusted.empty()) not_taken = distrusted;
+    if (observation.position && step.passed_over)
+      not_taken = "measurements were passed over: not a number, out of order, or a leap";
+    if (observation.position && !step.passed_over) {
+      taken_at = clock.now();
+      not_taken.clear();
       seen = true;
-    } else if (seen && !let_go && to_seconds(frame.exposed - last_seen) > settings.lost_timeout) {
-      let_go = true;  // better let it sink than drive it blind
-      switch_off();
-      recorder.event(clock.now(), "lost",
-                     "the robot was not seen for the time allowed; the coils are at zero");
-      recorder.alarm(clock.now(), "robot lost", AlarmPriority::medium,
-                     "it was not seen for the time allowed");
     }
+    if (seen && !let_go && to_seconds(clock.now() - taken_at) > settings.lost_timeout)
+      let_the_robot_go(not_taken.empty()
+                           ? "the robot was not seen for the time allowed"
+                           : "no measurement could be used for the time allowed: " + not_taken);
+  }
+
+  /// Amplifiers and coils, by what the robot does. Not by the laws for media that the model does
+  /// not know, nor beside a wall, where contact holds the robot.
+  void watch_plant(const Frame& frame, double now, const Observation& observation,
+                   const ControlStep& step) {
+    if (settings.law != ControlLaw::pd && settings.law != ControlLaw::estimator) return;
+    // What a filter takes for a leap is what a coil that fails looks like, and is heard too.
+    if (let_go || (status.clearance && status.clearance->nearest().distance <= kFree))
+      plant.forget();
+    else if (status.clearance && observation.position)
+      plant.measured(to_seconds(frame.exposed), *observation.position, observation.noise(),
+                     step.estimate ? step.estimate->delay : 0);
+    const std::vector<double> sent = rig.coils->currents();
+    plant.commanded(
+        now, Eigen::Map<const Eigen::VectorXd>(sent.data(), static_cast<Eigen::Index>(sent.size())),
+        controller.drag_at(observation.position.value_or(goal)).inverse());
+    if (!plant.fault().empty()) {
+      recorder.alarm(clock.now(), "coils do not obey", AlarmPriority::high, plant.fault());
+      throw DeviceError(DeviceErrorKind::protocol, "coils", plant.fault());
+    }
+    if (plant.standing() && looks(settings.feedback) && !may_touch)
+      let_the_robot_go(
+          "the robot is told to go and stands in the picture: it is held, or the picture is old");
   }
 
   void look_at_walls(const Observation& observation) {
@@ -340,7 +389,8 @@ struct Servo::Loop {
     ControlStep step = controller.step(now, measured, reference, control_mode());
     if (observation.position) remember(to_seconds(frame.exposed), step.correction);
     // Before the first detection only the field: it turns the robot into the axis that is expected.
-    if (!seen && control_mode() != ControlMode::constant)
+    const bool taken = observation.position && !step.passed_over;
+    if (!seen && !taken && control_mode() != ControlMode::constant)
       send(controller.orienting_currents());
     else if (step.currents.size() > 0)
       send(step.currents);
@@ -548,6 +598,7 @@ struct Servo::Loop {
   double bounded = 0;  // part of the last turns in which the filter met a bound
   bool was_inconsistent = false;
   RobotClearance surface;
+  PlantWatch plant;
   WallWatch walls;
   bool may_touch = false;
   bool was_kept_out = false;
@@ -561,7 +612,8 @@ struct Servo::Loop {
     bool begun = false;
     bool over = true;
   } fall;
-  Time last_seen{};
+  Time taken_at{};        // when a measurement was last taken
+  std::string not_taken;  // why the last one was not
   ServoStatus status;
   Signal ticked;
   std::deque<std::pair<double, Eigen::Vector3d>> corrections;  // s, m/s

@@ -17,6 +17,10 @@ namespace {
 // What delivers frames or readings; its faults are not those of a wire.
 const std::vector<std::string> kSensors{"top_camera", "side_camera", "pose_sensor"};
 
+int coils_of(sim::Laboratory& laboratory, Time now) {
+  return static_cast<int>(laboratory.coils(now).currents.size());
+}
+
 bool is_in(const std::vector<std::string>& roles, const std::string& role) {
   return std::find(roles.begin(), roles.end(), role) != roles.end();
 }
@@ -71,6 +75,11 @@ FaultInjector::~FaultInjector() = default;
 
 void FaultInjector::add(const Fault& fault) {
   check(fault, context_.roles);
+  if (fault.role == "coils" && fault.channel) {
+    const int coils = coils_of(*context_.laboratory, context_.clock.now());
+    if (*fault.channel < 1 || *fault.channel > coils)
+      throw std::invalid_argument(fmt::format("channel: there are 1 to {}", coils));
+  }
   const FaultKind& kind = kind_of(fault);
   const std::string name = fmt::format("fault {} {} {}", tasks_.size() + 1, fault.role, fault.kind);
   tasks_.push_back(context_.clock.spawn(name, [this, fault, &kind] { run(fault, kind); }));
@@ -104,8 +113,8 @@ void FaultInjector::set_disk(const Fault& fault, double by, bool on) {
 void FaultInjector::set(const Fault& fault, double by, bool on) {
   if (fault.role == "disk") return set_disk(fault, by, on);
   sim::Faults& faults = context_.laboratory->faults();
-  if (fault.kind == "saturated") {
-    faults.saturation = on ? by : std::numeric_limits<double>::infinity();
+  if (is_in({"saturated", "cut_off", "shorted", "reversed", "weak"}, fault.kind)) {
+    set_coils(fault, by, on);
   } else if (fault.kind == "stuck" || fault.kind == "limit") {
     // Stages registered a function that holds them; the lens mover reads its motor's faults.
     if (fault.role != "lens_mover") return faults.sticks.at(fault.role)(on, context_.clock.now());
@@ -116,6 +125,25 @@ void FaultInjector::set(const Fault& fault, double by, bool on) {
   } else {
     set_link(faults.links[fault.role], fault, by, on);
   }
+}
+
+/// Of the amplifiers and the coils behind them, at once: set-points that stand change as well.
+void FaultInjector::set_coils(const Fault& fault, double by, bool on) {
+  sim::Faults& faults = context_.laboratory->faults();
+  if (fault.kind == "saturated")
+    faults.saturation = on ? by : std::numeric_limits<double>::infinity();
+  const double part = fault.kind == "weak" ? by : fault.kind == "reversed" ? -1 : 0;
+  for (int coil = 1; coil <= coils_of(*context_.laboratory, context_.clock.now()); ++coil) {
+    if (fault.kind == "saturated" || (fault.channel && coil != *fault.channel)) continue;
+    if (fault.kind == "cut_off" && on) faults.cut_off.insert(coil);
+    if (fault.kind == "cut_off" && !on) faults.cut_off.erase(coil);
+    if (fault.kind == "cut_off") continue;
+    if (on)
+      faults.coil_response[coil] = part;
+    else
+      faults.coil_response.erase(coil);
+  }
+  context_.laboratory->apply_coil_faults();
 }
 
 void FaultInjector::set_link(LinkFaults& link, const Fault& fault, double by, bool on) {
@@ -139,8 +167,17 @@ void FaultInjector::set_imaging(sim::ImagingFaults& imaging, const Fault& fault,
   if (fault.kind == "drops") imaging.drops = count;
   if (fault.kind == "torn") imaging.torn = count;
   if (fault.kind == "frozen") imaging.frozen = on;
+  if (fault.kind == "alternating") imaging.alternating = on;
+  if (fault.kind == "stale") imaging.stale = on;
   if (fault.kind == "nan") imaging.nan = on;
   if (fault.kind == "jump") imaging.jump = time;
+  if (fault.kind == "drift") {
+    imaging.drift = on ? by : 0;
+    imaging.drift_since = context_.clock.now();
+  }
+  if (fault.kind == "knocked") imaging.picture.shift_px = count;
+  if (fault.kind == "turned") imaging.picture.turned = on ? by : 0;
+  if (fault.kind == "mirrored") imaging.picture.mirrored = on;
   if (fault.kind == "overexposed") imaging.picture.light = on ? by : 1;
   if (fault.kind == "dark") imaging.picture.light = on ? 1 / by : 1;
   if (fault.kind == "defocused") imaging.picture.blur_px = count;

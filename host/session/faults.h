@@ -60,6 +60,7 @@ class FaultInjector {
   void run(const Fault& fault, const FaultKind& kind);
   void set(const Fault& fault, double by, bool on);
   void set_disk(const Fault& fault, double by, bool on);
+  void set_coils(const Fault& fault, double by, bool on);
   void set_link(LinkFaults& link, const Fault& fault, double by, bool on);
   void set_imaging(sim::ImagingFaults& imaging, const Fault& fault, double by, bool on);
   void fill_disk();

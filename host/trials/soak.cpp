@@ -156,6 +156,7 @@ SoakedSeed Soak::run_one(std::uint64_t seed) {
   SoakedSeed one{seed, to_string(plan)};
   RunRequest request = request_.run;
   request.where.out = folder_of(seed).string();
+  if (plan.machine != 0) request.how.seed = plan.machine;
   request.how.companion = [&](Session& session) {
     for (const Fault& fault : plan.faults) session.faults->add(fault);
     disturb(session, plan, witness);

@@ -3,6 +3,7 @@
 
 #include "host/runs/run_care.h"
 #include "host/runs/run_reader.h"
+#include "host/trials/soak_patient.h"
 
 #include <fmt/format.h>
 
@@ -155,10 +156,12 @@ std::vector<std::string> check_ended(const SoakPlan& plan, const SoakWitness& wi
                   "a device could not be made safe though nothing was wrong with it");
   findings.unless(recorder.end() != nullptr, "the run was not finished");
   check_currents(recorder, rig, findings);
-  check_prefix(plan, reference, recorder, findings);
+  if (plan.machine == 0) check_prefix(plan, reference, recorder, findings);
   check_record(recorder, findings);
   std::vector<std::string> all = findings.take();
   all.insert(all.end(), witness.violations.begin(), witness.violations.end());
+  const std::vector<std::string> claims = check_patient(recorder, rig);
+  all.insert(all.end(), claims.begin(), claims.end());
   return all;
 }
 

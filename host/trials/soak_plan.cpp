@@ -39,10 +39,21 @@ std::optional<double> draw_amount(const FaultKind& kind, Dice& dice) {
     return rounded(dice.falls(0.5) ? dice.between(0.001, 0.1) : dice.between(0.1, 1.5));
   if (kind.name == "jump")
     return rounded(dice.falls(0.5) ? dice.between(-1, 1) : dice.between(-3600, 3600));
-  if (kind.name == "saturated") return rounded(dice.between(0, 2));
+  if (kind.name == "saturated") return rounded(dice.falls(0.3) ? 0 : dice.between(0, 2));
+  if (kind.name == "weak") return rounded(dice.between(0, 1));
+  if (kind.name == "turned") return rounded(dice.between(-1, 1));
+  if (kind.name == "drift") return rounded(dice.between(-0.05, 0.05));
+  if (kind.name == "knocked") return static_cast<double>(dice.below(200)) - 100;
   if (kind.name == "slow") return rounded(dice.between(0.02, 0.2));  // wall time, so not for long
   if (kind.name == "short" || kind.name == "garbled") return static_cast<double>(dice.below(6));
   return static_cast<double>(1 + dice.below(10));  // one of so many
+}
+
+constexpr std::size_t kCoils = 8;  // the simulated rig's
+
+/// Without a channel all coils would have it, which is one case of many.
+bool is_of_a_coil(const std::string& kind) {
+  return kind == "shorted" || kind == "reversed" || kind == "weak";
 }
 
 /// Every kind on every role that this rig simulates.
@@ -78,6 +89,8 @@ SoakPlan draw_plan(std::uint64_t seed, const SimulatedRoles& roles, double horiz
     for (const FaultKind& kind : fault_kinds())
       if (kind.name == fault.kind) fault.by = draw_amount(kind, dice);
     fault.after = rounded(dice.between(0, horizon));
+    if (fault.kind == "cut_off" ? dice.falls(0.6) : is_of_a_coil(fault.kind))
+      fault.channel = 1 + static_cast<int>(dice.below(kCoils));
     if (dice.falls(0.5)) fault.lasting = rounded(dice.between(0.01, dice.falls(0.5) ? 0.3 : 3));
     plan.faults.push_back(fault);
   }
@@ -90,6 +103,8 @@ SoakPlan draw_plan(std::uint64_t seed, const SimulatedRoles& roles, double horiz
   plan.kill = end >= 0.45 && end < 0.51;
   // Up to 2 % beyond the end: a stop that comes too late is a case as well.
   if (plan.kill || plan.tier != StopTier::none) plan.at = rounded(dice.between(0, 1.02 * horizon));
+  // Half of the runs on the reference's machine, to which they are compared to the bit.
+  if (dice.falls(0.5)) plan.machine = 1 + dice.below(1'000'000);
   return plan;
 }
 
@@ -99,6 +114,7 @@ std::string to_string(const SoakPlan& plan) {
   const char* const word = plan.kill ? "kill" : to_string(plan.tier);
   if (plan.kill || plan.tier != StopTier::none)
     parts.push_back(fmt::format("{} at {:.3f} s", word, plan.at));
+  if (plan.machine != 0) parts.push_back(fmt::format("machine {}", plan.machine));
   return parts.empty() ? "left alone" : fmt::format("{}", fmt::join(parts, "; "));
 }
 

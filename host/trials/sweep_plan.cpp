@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/trials/sweep_plan.h"
 
+#include "devices/time/error.h"
 #include "host/config/config.h"
 #include "host/engine/installed_calibration.h"
 #include "host/engine/preparation.h"

@@ -69,12 +69,44 @@ ArgumentValue parameter_value(lua_State* L, int index, const Parameter& paramete
   return value;
 }
 
+// In the registry: true when the protocol that ran in this statement has ended.
+constexpr const char* kProtocolEnded = "vitreo.protocol_ended";
+
 // A protocol waits, and so yields through these calls: each goes on in a continuation, of which
 // Lua keeps only a number. That number is the address of a Prepared on the stack, which the
 // userdata there keeps alive.
+//
+/// What the protocol deferred and left open ends with it, and not with the statement: the next one
+/// begins on a rig that nothing holds. A deferred function may wait; where one raises an error,
+/// what is left of them is called at the statement's end.
 int end_protocol(lua_State* L, int, lua_KContext) {
   lua_settop(L, 0);
-  return 0;
+  Context& context = context_of(L);
+  while (context.nested && context.deferred.size() > context.nested->deferred) {
+    const int reference = context.deferred.back();
+    context.deferred.pop_back();
+    lua_rawgeti(L, LUA_REGISTRYINDEX, reference);
+    luaL_unref(L, LUA_REGISTRYINDEX, reference);
+    lua_callk(L, 0, 0, 0, end_protocol);
+  }
+  return guarded(L, "run: ", [&] {
+    while (context.nested && context.closers.size() > context.nested->closers) {
+      const auto close = std::move(context.closers.back());
+      context.closers.pop_back();
+      close();
+    }
+    lua_pushboolean(L, 1);
+    lua_setfield(L, LUA_REGISTRYINDEX, kProtocolEnded);
+    return 0;
+  });
+}
+
+/// Whether the protocol that ran in this statement has ended, so that another may run.
+bool protocol_ended(lua_State* L) {
+  lua_getfield(L, LUA_REGISTRYINDEX, kProtocolEnded);
+  const bool ended = lua_toboolean(L, -1) != 0;
+  lua_pop(L, 1);
+  return ended;
 }
 
 /// The table that the file returned is on top: [.., table] -> [.., table, run, rig, p, run's
@@ -116,12 +148,16 @@ int run_by_name(lua_State* L) {
     if (lua_type(L, 2) != LUA_TSTRING)
       throw std::invalid_argument("wants a protocol's name, such as run(\"hello_rig\"), got " +
                                   kind_of(L, 2));
-    if (context.nested) throw std::runtime_error("a protocol runs already in this statement");
+    // A protocol that calls run() itself, or a task beside it, has not ended.
+    if (context.nested && !protocol_ended(L))
+      throw std::runtime_error("a protocol runs already in this statement");
     ProtocolDescription protocol = named_protocol(context, plain_text(L, 2));
     check_roles(protocol, context.session->rig);
     auto values = given_parameters(L, 3, protocol);
     // What is deferred and opened from here on ends with the protocol, not with the session.
     context.nested = {context.deferred.size(), context.closers.size()};
+    lua_pushboolean(L, 0);
+    lua_setfield(L, LUA_REGISTRYINDEX, kProtocolEnded);
     context.dead_time = 0;  // this run's, as every result that is shown at its end
     lua_newtable(L);
     lua_setfield(L, LUA_REGISTRYINDEX, kStatedResults);

@@ -61,6 +61,8 @@ int inject_fault(Call& call) {
   fault.after = call.number_option("after").value_or(0);
   fault.lasting = call.number_option("lasting").value_or(0);
   fault.by = call.number_option("by");
+  if (const auto channel = call.number_option("channel"))
+    fault.channel = static_cast<int>(*channel);
   FaultInjector* const desk = session_of(call.L).faults;
   if (desk != nullptr)
     desk->add(fault);  // a dry run goes the way that the script goes when all is well
@@ -135,7 +137,13 @@ const Class& simulation_class() {
                       {.name = "by",
                        .type = Type::number,
                        .optional = true,
-                       .help = "how much, in SI: s, A, bytes, or one of so many"}}}},
+                       .help = "how much, in SI: s, A, bytes, or one of so many"},
+                      {.name = "channel",
+                       .type = Type::integer,
+                       .optional = true,
+                       .min = 1,
+                       .max = 64,
+                       .help = "of the coils, from 1; else all"}}}},
         "",
         "breaks an instrument; `vitreo faults` lists the kinds",
         inject_fault,

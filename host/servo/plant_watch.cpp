@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/plant_watch.h"
+
+#include "control/robot.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+// s, of a window. Below the shortest noise says nothing; above the longest a drift may be new.
+constexpr double kPlantShortest = 0.1;
+constexpr double kPlantLongest = 1.0;
+// s: the drift is the mean of this span, that ended so long ago that a fault is not in it yet.
+constexpr double kPlantDriftSpan = 1.0;
+constexpr double kPlantLeastDriftSpan = 0.4;
+constexpr double kPlantDriftAge = 0.6;
+// Of what is left over, let pass: standard deviations of noise, m, m/s of a drift that changes, and
+// a part of the motion that was told, for gain and drag.
+constexpr double kPlantSigmas = 6;
+constexpr double kPlantOffset = 30e-6;
+constexpr double kPlantDriftChange = 0.3e-3;
+constexpr double kPlantGainError = 0.5;
+// What a hypothesis must explain of it, at least.
+constexpr double kPlantExplained = 0.65;
+constexpr int kPlantSure = 2;  // measurements in a row
+// m, told within a window, and a part of it that was gone: less is standing.
+constexpr double kPlantTold = 0.4e-3;
+constexpr double kPlantGone = 0.15;
+constexpr int kPlantStoodFor = 4;                                   // measurements in a row
+constexpr double kPlantKept = 2 * kPlantLongest + kPlantDriftSpan;  // s
+constexpr int kPlantSubsteps =
+    4;  // between two measurements, in which the currents' lag is followed
+
+// Hypotheses: 0 as told, 1 no current at all, then each coil open, then each coil reversed; those
+// of the coils as differences from 0.
+constexpr Eigen::Index kPlantAsTold = 0;
+constexpr Eigen::Index kPlantNone = 1;
+constexpr Eigen::Index kPlantCoils = 2;
+
+double largest_variance(const Eigen::Matrix3d& noise) { return noise.diagonal().maxCoeff(); }
+
+}  // namespace
+
+PlantWatch::PlantWatch(const RigModel& model)
+    : model_(model),
+      lag_(1 / (2 * M_PI * model.command_bandwidth)),
+      flowing_(control::Currents::Zero(model.field.coils())) {}
+
+// The currents go on: what was commanded still acts.
+void PlantWatch::forget() {
+  samples_.clear();
+  doubtful_ = stood_ = 0;
+  standing_ = false;
+  excess_ = 0;
+}
+
+void PlantWatch::commanded(double now, const control::Currents& currents,
+                           const Eigen::Matrix3d& mobility) {
+  constexpr std::size_t kMost = 4096;  // where nothing is measured meanwhile
+  if (told_.size() >= kMost) told_.pop_front();
+  told_.push_back({now + model_.command_delay, currents});
+  mobility_ = mobility;
+}
+
+// Behind delay and first-order lag: i' = (told - i) / lag, from command to command.
+void PlantWatch::flow_to(double time) {
+  while (flowed_ < time) {
+    while (told_.size() > 1 && told_[1].acts <= flowed_) told_.pop_front();
+    const bool acts = !told_.empty() && told_.front().acts <= flowed_;
+    double until = time;
+    if (!acts && !told_.empty())
+      until = std::min(until, told_.front().acts);
+    else if (told_.size() > 1)
+      until = std::min(until, told_[1].acts);
+    if (acts)
+      flowing_ += (1 - std::exp(-(until - flowed_) / lag_)) * (told_.front().currents - flowing_);
+    flowed_ = until;
+  }
+}
+
+// F = (m . grad) B, with the moment m along B: it follows the field within milliseconds.
+Eigen::Vector3d PlantWatch::force(const control::FieldGradient& made) const {
+  const double strength = made.head<3>().norm();
+  if (!(strength > 0)) return Eigen::Vector3d::Zero();
+  const Eigen::Vector3d moment = model_.robot.moment(strength) / strength * made.head<3>();
+  return control::force_from_field(moment) * made;
+}
+
+// m/s, at the currents that flow.
+PlantWatch::Motions PlantWatch::velocities(const Eigen::Vector3d& position) const {
+  const Eigen::Vector3d known = model_.field.nearest_valid(position);
+  const control::FieldMatrix matrix = model_.field.matrix(known);
+  const control::FieldGradient background = model_.field.background(known);
+  const control::FieldGradient whole = matrix * flowing_ + background;
+  const Eigen::Index coils = flowing_.size();
+  const Eigen::Vector3d weight(0, 0, -model_.robot.net_weight(model_.medium));
+  const Eigen::Vector3d with_all = force(whole);
+  Motions found(3, kPlantCoils + 2 * coils);
+  found.col(kPlantAsTold) = mobility_ * (with_all + weight);
+  found.col(kPlantNone) = mobility_ * (force(background) + weight);
+  for (Eigen::Index k = 0; k < coils; ++k) {
+    const control::FieldGradient its = matrix.col(k) * flowing_[k];
+    found.col(kPlantCoils + k) = mobility_ * (force(whole - its) - with_all);
+    found.col(kPlantCoils + coils + k) = mobility_ * (force(whole - 2 * its) - with_all);
+  }
+  return found;
+}
+
+void PlantWatch::measured(double time, const Eigen::Vector3d& position,
+                          const Eigen::Matrix3d& noise, double delay) {
+  // What moved the robot until `time` are commands from the delay earlier. No command acts before
+  // it is given.
+  const double acting = time - std::max(delay, -model_.command_delay);
+  Sample now{time, position, largest_variance(noise),
+             Motions::Zero(3, kPlantCoils + 2 * flowing_.size())};
+  if (samples_.empty()) {
+    flow_to(acting);
+    samples_.push_back(std::move(now));
+    return;
+  }
+  const double span = std::max(0.0, acting - flowed_);
+  const double begin = flowed_;
+  now.moved = samples_.back().moved;
+  for (int k = 0; k < kPlantSubsteps; ++k) {
+    flow_to(begin + span * (k + 0.5) / kPlantSubsteps);
+    now.moved += (time - samples_.back().time) / kPlantSubsteps * velocities(position);
+  }
+  flow_to(acting);
+  samples_.push_back(std::move(now));
+  while (time - samples_.front().time > kPlantKept) samples_.pop_front();
+  const auto slow = drift();
+  if (!slow) return;
+  Verdict most;
+  bool stands = false;
+  for (const Sample& then : samples_) {
+    if (time - then.time > kPlantLongest) continue;
+    if (time - then.time < kPlantShortest) break;
+    Verdict found = judge(then, samples_.back(), *slow);
+    stands = stands || found.standing;
+    if (found.excess > most.excess) most = std::move(found);
+  }
+  excess_ = most.excess;
+  stood_ = stands ? stood_ + 1 : 0;
+  standing_ = stood_ >= kPlantStoodFor;
+  doubtful_ = most.text.empty() ? 0 : doubtful_ + 1;
+  if (doubtful_ >= kPlantSure && fault_.empty()) fault_ = most.text;
+}
+
+// The mean velocity that the model left over.
+std::optional<Eigen::Vector3d> PlantWatch::drift() const {
+  const double until = samples_.back().time - kPlantDriftAge;
+  const Sample* last = nullptr;
+  const Sample* first = nullptr;
+  for (const Sample& one : samples_) {
+    if (one.time > until) break;
+    if (one.time >= until - kPlantDriftSpan && first == nullptr) first = &one;
+    last = &one;
+  }
+  if (first == nullptr || last->time - first->time < kPlantLeastDriftSpan) return std::nullopt;
+  const Eigen::Vector3d moved = last->moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold);
+  return (last->position - first->position - moved) / (last->time - first->time);
+}
+
+PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now,
+                                      const Eigen::Vector3d& drift) const {
+  const double span = now.time - then.time;
+  const Motions moved = now.moved - then.moved;
+  const Eigen::Vector3d went = now.position - then.position;
+  const Eigen::Vector3d expected = moved.col(kPlantAsTold) + span * drift;
+  const Eigen::Vector3d left = went - expected;
+  const double sigma = std::sqrt(then.variance + now.variance);
+  const double allowed = kPlantSigmas * sigma + kPlantOffset + kPlantDriftChange * span +
+                         kPlantGainError * moved.col(kPlantAsTold).norm();
+  Verdict verdict;
+  verdict.excess = left.norm() / allowed;
+  const double told = expected.norm();
+  verdict.standing =
+      told > kPlantTold && went.norm() < kPlantGone * told && kPlantSigmas * sigma < kPlantTold;
+  // Standing is what a wall does, or a hand: no coil.
+  if (verdict.excess > 1 && went.norm() > 0.3 * left.norm())
+    verdict.text = name(left, moved, sigma);
+  return verdict;
+}
+
+// The hypothesis that leaves least of what is left over; none that leaves more than a third.
+std::string PlantWatch::name(const Eigen::Vector3d& left, const Motions& moved,
+                             double sigma) const {
+  const Eigen::Index coils = flowing_.size();
+  double least = (1 - kPlantExplained) * left.norm() + 2 * sigma;
+  std::string text;
+  const auto consider = [&](const Eigen::Vector3d& explained, const std::string& what) {
+    const double rest = (left - explained).norm();
+    if (rest >= least) return;
+    least = rest;
+    text = what;
+  };
+  consider(moved.col(kPlantNone) - moved.col(kPlantAsTold),
+           "the robot moves as if no current flowed: the amplifiers give nothing");
+  for (Eigen::Index k = 0; k < coils; ++k) {
+    const Eigen::Vector3d open = moved.col(kPlantCoils + k);
+    // The most probable part of its current that is missing.
+    const double lack = std::clamp(left.dot(open) / std::max(open.squaredNorm(), 1e-18), 0.3, 1.0);
+    consider(lack * open,
+             fmt::format("the robot moves as if coil {} made {:.0f} % of its field: it is open, "
+                         "shorted or weak",
+                         k + 1, 100 * (1 - lack)));
+    consider(moved.col(kPlantCoils + coils + k),
+             fmt::format("the robot moves as if the leads of coil {} were exchanged", k + 1));
+  }
+  return text;
+}
+
+}  // namespace vitreo

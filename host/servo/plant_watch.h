@@ -1,0 +1,78 @@
+// Plant watch: the robot's measured motion held against what the currents that were set would make
+// of it, and against what they would make with an amplifier or a coil that fails.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/coil_field.h"
+#include "host/rig/rig.h"
+
+#include <Eigen/Core>
+
+#include <deque>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// A test of hypotheses over windows of 0.1 to 1 s, of any control law: the motion that is left
+/// over when the believed one and the drift of the seconds before are taken off. It is a fault
+/// where it is beyond what noise, drag and gain explain, and a failing amplifier or coil explains
+/// it. Slow deviations are not its business (LoopWatch), nor is a robot that touches a wall.
+class PlantWatch {
+ public:
+  /// The model is borrowed.
+  explicit PlantWatch(const RigModel& model);
+  /// What the coils were told at `now` (s), A; the robot's mobility then, m/(N s).
+  void commanded(double now, const control::Currents& currents, const Eigen::Matrix3d& mobility);
+  /// A measurement that the loop took: m, world, taken at `time` (s), with its noise (m^2).
+  /// `delay`: s, by which the loop's delay is found to be longer than believed.
+  void measured(double time, const Eigen::Vector3d& position, const Eigen::Matrix3d& noise,
+                double delay);
+  /// What the robot's motion says of amplifiers and coils; empty: they obey.
+  const std::string& fault() const { return fault_; }
+  /// The robot was told to go and its measured position stood: held fast, or an old picture.
+  bool standing() const { return standing_; }
+  /// m/s: what is left over, of the window that says most, over what is let pass. For figures.
+  double excess() const { return excess_; }
+  /// The robot is not seen, beside a wall, or let go: what it did until now says nothing.
+  void forget();
+
+ private:
+  using Motions = Eigen::Matrix<double, 3, Eigen::Dynamic>;  // m, a column a hypothesis
+  struct Sample {
+    double time = 0;
+    Eigen::Vector3d position{0, 0, 0};
+    double variance = 0;  // m^2, the largest of a direction
+    Motions moved;        // since the first sample
+  };
+  struct Told {
+    double acts = 0;  // s
+    control::Currents currents;
+  };
+  struct Verdict {
+    double excess = 0;
+    std::string text;
+    bool standing = false;
+  };
+  void flow_to(double time);
+  Motions velocities(const Eigen::Vector3d& position) const;
+  Eigen::Vector3d force(const control::FieldGradient& made) const;
+  std::optional<Eigen::Vector3d> drift() const;
+  Verdict judge(const Sample& then, const Sample& now, const Eigen::Vector3d& drift) const;
+  std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
+
+  const RigModel& model_;
+  const double lag_;  // s, of the coils
+  std::deque<Told> told_;
+  control::Currents flowing_;
+  double flowed_ = 0;  // s, to which flowing_ is known
+  Eigen::Matrix3d mobility_ = Eigen::Matrix3d::Zero();
+  std::deque<Sample> samples_;  // the newest at the end
+  int doubtful_ = 0;            // measurements in a row
+  int stood_ = 0;
+  std::string fault_;
+  bool standing_ = false;
+  double excess_ = 0;
+};
+
+}  // namespace vitreo
