@@ -89,10 +89,9 @@ void read_into(Fault& fault, const FaultKind& kind, const std::string& word,
   }
 }
 
-}  // namespace
-
-const FaultKinds& fault_kinds() {
-  static const FaultKinds kinds{
+/// Name, what happens, to which roles, unit of `by`, its usual value, its least and its most.
+FaultKinds fault_kind_rows() {
+  return {
       {"silent", "nothing comes from it any more", all_of(kLinks, kSensors), "", 0, 0, 0},
       {"late", "what it says or sees comes `by` later", all_of(kLinks, kSensors), "s", 80e-3, 0,
        10},
@@ -153,6 +152,12 @@ const FaultKinds& fault_kinds() {
        0.2,
        0,
        60}};
+}
+
+}  // namespace
+
+const FaultKinds& fault_kinds() {
+  static const FaultKinds kinds = fault_kind_rows();
   return kinds;
 }
 

@@ -180,7 +180,8 @@ std::string deaf_scheduler(const Workplace& place) {
 }
 
 TEST_F(SweepProgram, HandedToASchedulerItEndsWellAndSaysHowToCollect) {
-  const std::string command = deaf_scheduler(place_) + "'" VITREO_PROGRAM
+  const std::string command = deaf_scheduler(place_) +
+                              "'" VITREO_PROGRAM
                               "' sweep chance.lua --rig fast --slurm --detach --out swept >out";
   EXPECT_EQ(WEXITSTATUS(std::system(command.c_str())), 0);
   EXPECT_NE(place_.read("out").find("1 are with Slurm, and collected by: vitreo sweep --resume"),
@@ -190,10 +191,10 @@ TEST_F(SweepProgram, HandedToASchedulerItEndsWellAndSaysHowToCollect) {
 
 TEST_F(SweepProgram, AStopIsFeltWhileTheSchedulerDoesNotAnswer) {
   // Asked after three seconds, squeue never answers; the stop comes after five.
-  const std::string command =
-      deaf_scheduler(place_) + "timeout -k 20 -s INT 5 '" VITREO_PROGRAM
-                               "' sweep chance.lua --rig fast --slurm --out swept >out 2>err; "
-                               "echo $? >code";
+  const std::string command = deaf_scheduler(place_) +
+                              "timeout -k 20 -s INT 5 '" VITREO_PROGRAM
+                              "' sweep chance.lua --rig fast --slurm --out swept >out 2>err; "
+                              "echo $? >code";
   const auto began = std::chrono::steady_clock::now();
   ASSERT_EQ(std::system(command.c_str()), 0);
   EXPECT_LT(std::chrono::steady_clock::now() - began, 15s);

@@ -95,7 +95,8 @@ void take_plot_options(const Call& call, Plot& plot) {
   }
   lua_pop(L, 1);
   // The first is what was measured: its points; what follows is laid through them.
-  const std::string mark = call.text_option("mark").value_or(plot.series.size() > 1 ? "points" : "line");
+  const std::string mark =
+      call.text_option("mark").value_or(plot.series.size() > 1 ? "points" : "line");
   if (mark != "points" && mark != "line")
     throw std::invalid_argument("mark: wants points or line, got " + mark);
   if (!plot.series.empty() && mark == "points") plot.series[0].mark = Mark::points;
@@ -111,8 +112,10 @@ int plot(Call& call) {
                                   std::to_string(x.size()));
     plot.series.push_back({"", x, std::move(y), Mark::line});
   }
-  if (call.has(2)) take_plot_options(call, plot);
-  else if (plot.series.size() > 1) plot.series[0].mark = Mark::points;
+  if (call.has(2))
+    take_plot_options(call, plot);
+  else if (plot.series.size() > 1)
+    plot.series[0].mark = Mark::points;
   *screen.out << plot_text(plot, size_of(screen)) << std::flush;
   return 0;
 }
@@ -138,14 +141,17 @@ return function(protocol, parameters)
       seen = { names = names_of(values), rows = {}, units = units or {} }
       streams[stream], order[#order + 1] = seen, stream
       local head = { cell(stream, 14) }
-      for i, name in ipairs(seen.names) do head[i + 1] = cell(name, math.max(12, utf8.len(name))) end
+      for i, name in ipairs(seen.names) do
+        head[i + 1] = cell(name, math.max(12, utf8.len(name)))
+      end
       say(table.concat(head, "  "))
     end
     seen.rows[#seen.rows + 1] = values
     local line = { cell(tostring(#seen.rows), 14) }
     for i, name in ipairs(seen.names) do
       local value = values[name]
-      local text = type(value) == "number" and format_quantity(value, seen.units[name] or "") or "–"
+      local unit = seen.units[name] or ""
+      local text = type(value) == "number" and format_quantity(value, unit) or "–"
       line[i + 1] = cell(text, math.max(12, utf8.len(name)))
     end
     say(table.concat(line, "  "))
@@ -159,7 +165,8 @@ return function(protocol, parameters)
         if name and type(values[name]) == "number" then x[#x + 1], y[#y + 1] = i, values[name] end
       end
       if #x > 2 then
-        plot(x, y, { title = stream, x = "row", y = { name, seen.units[name] or "" }, mark = "points" })
+        local unit = seen.units[name] or ""
+        plot(x, y, { title = stream, x = "row", y = { name, unit }, mark = "points" })
       end
     end
   end })
@@ -181,7 +188,10 @@ void set_prompt_screen(lua_State* L, std::ostream& out, bool interactive) {
 std::vector<Binding> prompt_see_functions() {
   return {
       {"show",
-       {{.name = "image", .type = Type::handle, .help = "of a frame, a file, a mosaic", .handle = "image"}},
+       {{.name = "image",
+         .type = Type::handle,
+         .help = "of a frame, a file, a mosaic",
+         .handle = "image"}},
        "",
        "at the prompt: shows an image in the terminal, by its own graphics, in blocks or in dots",
        show,
@@ -189,15 +199,17 @@ std::vector<Binding> prompt_see_functions() {
       {"plot",
        {{.name = "x", .type = Type::numbers},
         {.name = "y", .type = Type::list, .help = "a number for each x, or several such lists"},
-        options_of(
-            {{.name = "title", .type = Type::text, .optional = true},
-             {.name = "x", .optional = true, .help = "the axis: a name, or {name, unit}"},
-             {.name = "y", .optional = true, .help = "the axis: a name, or {name, unit}"},
-             {.name = "labels", .type = Type::list, .optional = true, .help = "a name for each list"},
-             {.name = "mark",
-              .type = Type::text,
-              .optional = true,
-              .help = "of the first list, \"points\" or \"line\""}})},
+        options_of({{.name = "title", .type = Type::text, .optional = true},
+                    {.name = "x", .optional = true, .help = "the axis: a name, or {name, unit}"},
+                    {.name = "y", .optional = true, .help = "the axis: a name, or {name, unit}"},
+                    {.name = "labels",
+                     .type = Type::list,
+                     .optional = true,
+                     .help = "a name for each list"},
+                    {.name = "mark",
+                     .type = Type::text,
+                     .optional = true,
+                     .help = "of the first list, \"points\" or \"line\""}})},
        "",
        "at the prompt: a plot in the terminal; values in SI, the first of several lists as points",
        plot,

@@ -135,11 +135,10 @@ TEST(Protocols, ServoSquareRunsASmallSquare) {
               *bench.session);
   std::vector<std::string> names;
   for (const StatedResult& one : bench.recorder->results()) names.push_back(one.name);
-  EXPECT_EQ(names, (std::vector<std::string>{"path_error_rms", "path_error_lateral_rms",
-                                             "path_error_depth_rms", "localization_error_mean",
-                                             "localization_error_max", "verdict_goal_met",
-                                             "verdict_goal_missed", "verdict_differs",
-                                             "verdict_shown"}));
+  EXPECT_EQ(names, (std::vector<std::string>{
+                       "path_error_rms", "path_error_lateral_rms", "path_error_depth_rms",
+                       "localization_error_mean", "localization_error_max", "verdict_goal_met",
+                       "verdict_goal_missed", "verdict_differs", "verdict_shown"}));
   for (const StatedResult& one : bench.recorder->results()) {
     if (one.unit == "m") {
       EXPECT_LT(one.value, 1e-3) << one.name;
