@@ -26,8 +26,9 @@ class MotionWatch {
   void add(const WatchedMotion& now);
   /// In some coordinate the error's autocorrelation over the last three seconds and more is below
   /// -0.5 at half a period and above 0.4 at a whole one, each of the newest three periods has its
-  /// part of it, and the error is larger than noise: a limit cycle, or a loop at its margin. The error and not a filter's
-  /// innovations: a filter that is right predicts an oscillation that the gains make.
+  /// part of it, and the error is larger than noise: a limit cycle, or a loop at its margin. The
+  /// error and not a filter's innovations: a filter that is right predicts an oscillation that the
+  /// gains make.
   bool oscillating() const { return oscillating_; }
   double period() const { return period_; }        // s, of the oscillation
   double amplitude() const { return amplitude_; }  // m

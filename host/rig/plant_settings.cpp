@@ -17,8 +17,8 @@ namespace {
 constexpr double kPlantMilli = 1e-3;
 
 /// machine = "sampled", the default: all that a laboratory does not know of its plant is drawn.
-/// "coils": the coils' geometry, the moment and the converter's offsets alone. "nominal": nothing is
-/// drawn, and the coils are without what is in no model. Single settings beside it still count.
+/// "coils": the coils' geometry, the moment and the converter's offsets alone. "nominal": nothing
+/// is drawn, and the coils are without what is in no model. Single settings beside it still count.
 void read_machine(ConfigReader& reader, sim::LaboratorySettings& laboratory) {
   const std::string machine = reader.choice("machine", "sampled", {"sampled", "coils", "nominal"});
   laboratory.world.wall_drag = machine == "sampled";
