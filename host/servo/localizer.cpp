@@ -6,6 +6,7 @@
 
 #include <Eigen/LU>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -131,7 +132,9 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   const double outline = error / seen.ellipse.semi_major_px;
   const double known = 1 / std::hypot(1 / outline, 1 / tilted_->orientation_sigma);
   const double sigma = std::sqrt((best.covariance(3, 3) + best.covariance(4, 4)) / 2);
-  return Found{best.pose.position_in_eye, covariance, best.residual_px,
+  // What plates leave of an ellipse is no reason to take the robot for something else.
+  const double unexplained = std::max(0.0, best.residual_px - (error - kOutlineError_px));
+  return Found{best.pose.position_in_eye, covariance, unexplained,
                best.pose.orientation * Eigen::Vector3d::UnitZ(), std::hypot(sigma, known)};
 }
 
