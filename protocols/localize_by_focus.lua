@@ -26,6 +26,33 @@ local function error_table(run, title, angles, surfaces, cells)
   run:table { title = title, header = header, rows = rows }
 end
 
+-- Each cell of table 4.1 with how many of its own, parenthesised uncertainties ours is away; how many are within two, and how
+-- many of the rest are smaller: {within, smaller, larger}. Nothing where other places were measured.
+local function beside_table_4_1(run, angles, surfaces, cells)
+  local thesis = published.table_4_1
+  if #angles ~= #thesis.angles or #surfaces ~= #thesis.errors[1] then return nil end
+  local header, rows, count = { "" }, {}, { within = 0, smaller = 0, larger = 0 }
+  for k = 1, #surfaces do
+    header[k + 1] = ("surface %d"):format(k)
+  end
+  for i, angle in ipairs(angles) do
+    rows[i] = { ("%.0f°"):format(angle / deg) }
+    for k = 1, #surfaces do
+      local cell, printed, spread = cells[i] and cells[i][k], thesis.errors[i][k], thesis.uncertainties[i][k]
+      local off = cell and (cell.error / um - printed) / spread
+      rows[i][k + 1] = cell and ("%.0f beside %d(%d): %+.1f"):format(cell.error / um, printed, spread, off) or "–"
+      local where = off and (math.abs(off) <= 2 and "within" or off < 0 and "smaller" or "larger")
+      if where then count[where] = count[where] + 1 end
+    end
+  end
+  run:table {
+    title = "Errors beside table 4.1, µm, and the difference in the thesis' own uncertainties",
+    header = header,
+    rows = rows,
+  }
+  return count
+end
+
 -- Figure 4.11: where the targets were, where they were found, and what the paraxial model says of those on the retina.
 local function picture(run, angles, surfaces, cells, paraxial)
   local actual, found =
@@ -110,6 +137,7 @@ return {
     end
     error_table(run, "Errors (uncertainty), µm, calibrated on the retina alone, as table 4.1", angles, surfaces, retina_only)
     error_table(run, "Errors (uncertainty), µm, with axis and retinal shape", angles, surfaces, full)
+    local beside = beside_table_4_1(run, angles, surfaces, full)
     picture(run, angles, surfaces, full, by_focus.paraxial(believed, model, angles))
     eyes.report(run, believed, truth)
     local errors, errors_full = all_errors(retina_only, angles, surfaces), all_errors(full, angles, surfaces)
@@ -156,7 +184,16 @@ return {
       at_most = 0.05 * p.angles * p.surfaces,
       reason = "one in twenty",
     }
+    if beside then
+      book:number {
+        id = "4.1.cells",
+        what = "cells within two of the thesis' uncertainties, of 35",
+        ours = beside.within,
+        why = ("of the others %d are smaller and %d larger; no goal: it is another lens"):format(beside.smaller, beside.larger),
+      }
+    end
     if p.eyes > 0 then
+      by_focus.with_printed_scatter(book, believed, model, angles, surfaces, p.eyes)
       run:progress(0.9, "other eyes")
       by_focus.many_eyes(run, book, believed, model, angles, surfaces, p.eyes, statistics.median(deviations))
     end
