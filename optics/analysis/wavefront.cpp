@@ -62,6 +62,7 @@ System carrier(const PupilTracer& tracer) {
 
 }  // namespace
 
+/// The upper bounds keep a mistyped number from taking minutes: the time goes with their product.
 void WavefrontSettings::check() const {
   detail::require(!image || !std::isnan(*image), "image: must be a number");
   detail::require_at_least(rings, 2, "rings");
@@ -69,6 +70,7 @@ void WavefrontSettings::check() const {
   detail::require(rings <= 200 && arms <= 400, "rings: at most 200, and 400 arms");
 }
 
+/// About the mean: a constant path is no aberration. Two passes, as the differences are small.
 double Wavefront::rms() const {
   double mean = 0;
   for (const double w : opd) mean += w / static_cast<double>(opd.size());
@@ -77,6 +79,7 @@ double Wavefront::rms() const {
   return std::sqrt(square);
 }
 
+/// Over that of the same samples all in phase, which is what a perfect lens would make there.
 double Wavefront::relative_intensity(const Eigen::Vector2d& off) const {
   return std::norm(field(*this, off));
 }
@@ -158,6 +161,8 @@ std::optional<Wavefront> wavefront(const PupilTracer& tracer, const Eigen::Vecto
   return made;
 }
 
+/// Cell by cell: the samples lie on no grid, so there is no fast transform, and the square may be
+/// as small as wanted.
 Eigen::MatrixXd diffraction_psf(const Wavefront& wave, double half_width, int cells) {
   detail::require_positive(half_width, "half_width");
   detail::require(cells >= 1 && cells <= 1024, "cells: must lie within 1 and 1024");
@@ -174,6 +179,8 @@ Eigen::MatrixXd diffraction_psf(const Wavefront& wave, double half_width, int ce
   return psf;
 }
 
+/// Over the sum of the intensities: what lies outside the square counts as no light, which lifts
+/// the transfer by as much as is lost there.
 double psf_mtf(const Eigen::MatrixXd& psf, double half_width, const Eigen::Vector2d& frequency) {
   detail::require_positive(half_width, "half_width");
   detail::require(frequency.allFinite(), "frequency: must be finite");
@@ -209,6 +216,8 @@ double zernike(int j, const Eigen::Vector2d& at) {
          (signed_m > 0 ? std::cos(m * angle) : std::sin(m * angle));
 }
 
+/// Samples that are lost make the polynomials no longer orthogonal, which least squares do not
+/// need. At least two samples a coefficient, so that they are not fitted to rounding.
 std::vector<double> zernike_coefficients(const Wavefront& wave, int order) {
   detail::require(order >= 0 && order <= 10, "order: must lie within 0 and 10");
   const int terms = (order + 1) * (order + 2) / 2;

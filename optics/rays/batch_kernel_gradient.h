@@ -8,11 +8,13 @@
 namespace vitreo::optics::detail {
 namespace {
 
+/// From the frame of the surface that is met, whose frame the block is in.
 VITREO_INLINE Vector in_medium(const KernelGradient& g, double x, double y, double z) {
   const Vector at = rotated(g.axes, {x, y, z});
   return {at.x + g.origin[0], at.y + g.origin[1], at.z + g.origin[2]};
 }
 
+/// Gradient::value of system/gradient.h with the index at the vertex.
 VITREO_INLINE double index_in(const KernelGradient& g, const Vector& p) {
   const double r2 = p.x * p.x + p.y * p.y;
   return g.index + p.z * (g.along[0] + p.z * (g.along[1] + p.z * (g.along[2] + p.z * g.along[3]))) +
@@ -38,6 +40,7 @@ VITREO_INLINE Vector moved(const Vector& p, double by, const Vector& along) {
   return {p.x + by * along.x, p.y + by * along.y, p.z + by * along.z};
 }
 
+/// Six times the mean of the method's four slopes.
 VITREO_INLINE Vector mean(const Vector& a, const Vector& b, const Vector& c, const Vector& d) {
   return {a.x + 2 * b.x + 2 * c.x + d.x, a.y + 2 * b.y + 2 * c.y + d.y,
           a.z + 2 * b.z + 2 * c.z + d.z};

@@ -19,6 +19,7 @@ struct GradedRay {
   double path = 0;    // m
 };
 
+/// The medium behind a surface; lengths from that surface's vertex.
 class GradedMedium {
  public:
   explicit GradedMedium(const Surface& surface) : surface_(surface) {}
@@ -48,6 +49,7 @@ class GradedMedium {
     Eigen::Vector3d t;
     double path;
   };
+  // The right sides of the three equations.
   Rate rate(const Eigen::Vector3d& r, const Eigen::Vector3d& t) const {
     const double n = index(r);
     return {t, n * surface_.gradient.derivative(r), n * n};
@@ -84,6 +86,7 @@ class Target {
 
 }  // namespace
 
+/// A medium without a gradient needs no frame.
 double index_at(const System& system, int number, const Eigen::Vector3d& point) {
   const Surface& surface = system.surfaces[number - 1];
   if (surface.gradient.is_none()) return surface.index;
@@ -97,6 +100,7 @@ double index_at(const System& system, int number, const Eigen::Vector3d& point) 
 TraceStatus follow_gradient(const System& system, int medium, int target, Ray& ray, double& path) {
   constexpr double kHere = 1e-16;  // m: below it a step is rounding
   constexpr double kBackwards = -1e-12;
+  // The gradient goes with its surface, wherever that has been moved to.
   const SurfaceFrame frame = surface_frame(system, medium);
   const GradedMedium graded(system.surfaces[medium - 1]);
   const Target surface(system, target, frame);

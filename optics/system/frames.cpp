@@ -8,6 +8,8 @@
 
 namespace vitreo::optics {
 
+/// The decenter counts in the eye frame, not in the turned one: a surface that is tilted further
+/// stays where it is.
 SurfaceFrame surface_frame(const System& system, int surface) {
   const double vertex = system.vertex(surface);
   const Placement& placed = system.surfaces[surface - 1].placement;

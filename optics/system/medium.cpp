@@ -43,6 +43,8 @@ double sellmeier(std::initializer_list<std::pair<double, double>> terms, double 
   return std::sqrt(square);
 }
 
+/// A wavelength outside the data would be answered by a polynomial that has left it; so each model
+/// has its range.
 struct Model {
   Dispersion dispersion;
   const char* name;
@@ -67,6 +69,7 @@ constexpr Model kModels[] = {
     {Dispersion::pmma, "pmma", 436, 1052},
 };
 
+/// Throws for a number that was cast to the enumeration.
 const Model& model_of(Dispersion dispersion) {
   for (const Model& one : kModels) {
     if (one.dispersion == dispersion) return one;
@@ -74,6 +77,7 @@ const Model& model_of(Dispersion dispersion) {
   throw std::invalid_argument("dispersion: there is no such model");
 }
 
+/// The numbers as printed: Navarro's are the indices at 365, 486.1, 656.3 and 1014 nm.
 double index_of(Dispersion dispersion, double um) {
   switch (dispersion) {
     case Dispersion::navarro_cornea:
@@ -129,6 +133,7 @@ Dispersion dispersion_named(std::string_view name) {
                               "\"" + detail::suggestions(name, dispersion_names()));
 }
 
+/// The ends of a range belong to it, whatever rounding made of 365e-9.
 double model_index(Dispersion dispersion, double wavelength) {
   const Model& model = model_of(dispersion);
   constexpr double kNm = 1e-9;

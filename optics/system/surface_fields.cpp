@@ -4,6 +4,8 @@
 namespace vitreo::optics {
 namespace {
 
+/// One list for parameters by name, for scripts' rows and for their check, so that a number cannot
+/// be known to one of them alone. Lengths in m, angles in rad, gradients in powers of 1/m.
 constexpr SurfaceField kFields[] = {
     {"radius_y", "m", false, [](Surface& s) -> double& { return s.radius_y; }},
     {"conic_y", "1", false, [](Surface& s) -> double& { return s.conic_y; }},

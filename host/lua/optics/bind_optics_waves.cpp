@@ -12,7 +12,8 @@
 namespace vitreo::lua {
 namespace {
 
-/// A system of its own: the handle's stays as it is.
+/// A system of its own: the handle's stays as it is. A color outside the range of a medium's model
+/// is refused by the model's name.
 int in_light(Call& call) {
   optics::Prescription eye = eye_of(call);
   eye.system = optics::at_wavelength(eye.system, call.number(0));
@@ -20,8 +21,9 @@ int in_light(Call& call) {
   return 1;
 }
 
-/// Strehl's ratio and the coefficients belong to the distance asked for, or to the best focus of
-/// the rays; with far = true to parallel light, as of an eye alone.
+/// The pupil is the real stop, in whichever medium it lies, as light fills it. Strehl's ratio and
+/// the coefficients belong to the distance asked for, or to the best focus of the rays; with far =
+/// true to parallel light, as of an eye alone.
 int wavefront(Call& call) {
   const optics::System& system = eye_of(call).system;
   const optics::PupilTracer tracer(system,
@@ -41,6 +43,7 @@ int wavefront(Call& call) {
   if (!std::isfinite(wave->image)) return 1;
   table.number("distance", wave->image, "m").number("numerical_aperture", wave->numerical_aperture);
   if (const auto frequency = call.number_option("frequency")) {
+    // As far as the samples of the wave suffice, in the corners of the square.
     constexpr int kCells = 64;
     const double half_width = wave->reach / std::numbers::sqrt2;  // 3.6 wavelengths over the NA
     const Eigen::MatrixXd psf = optics::diffraction_psf(*wave, half_width, kCells);
@@ -52,6 +55,7 @@ int wavefront(Call& call) {
 
 }  // namespace
 
+/// Fields that hang on an option or on where the image lies are optional.
 std::vector<Binding> system_wave_rows() {
   const auto lit = [](const char* name, const char* unit, const char* help) {
     return ResultField{.name = name, .unit = unit, .help = help, .optional = true};
