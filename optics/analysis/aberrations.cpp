@@ -127,6 +127,7 @@ double Aberrations::distortion_height() const {
 /// caller sees which surface causes what. The retina (surface 1) does not refract and has no sums.
 Aberrations third_order_aberrations(const System& system, double object_height, double depth) {
   system.check();
+  system.require_centered();
   if (!system.stop) throw std::invalid_argument("stop: the system has none");
   detail::require_finite(object_height, "object_height");
   const auto image = axial_image(system, depth);

@@ -3,6 +3,7 @@
 
 #include "optics/analysis/layout_heights.h"
 #include "optics/numerics/preconditions.h"
+#include "optics/system/frames.h"
 
 #include <algorithm>
 #include <array>
@@ -132,16 +133,18 @@ void Drawing::measure() {
   bottom_px_ = kHeaderPx + 2 * half_height_ * scale_;
 }
 
-/// The meridional section of a surface: (vertex + sag(r), r).
+/// The section of a surface along its own x, which is the drawing's plane x-z unless it is tilted
+/// about x or z: (z, x).
 std::vector<Eigen::Vector2d> Drawing::profile(int i) const {
   std::vector<Eigen::Vector2d> path;
-  const double vertex = system_.vertex(i + 1);
+  const SurfaceFrame frame = surface_frame(system_, i + 1);
   for (int step = 0; step <= kProfileSteps; ++step) {
     // Dense at the rims, where a steep surface turns away.
     const double r =
         heights_[i] * std::sin((1 - 2.0 * step / kProfileSteps) * std::numbers::pi / 2);
     const double sag = system_.surfaces[i].sag(std::abs(r));
-    if (std::isfinite(sag)) path.emplace_back(vertex + sag, r);
+    const Eigen::Vector3d at = frame.to_eye({r, 0, sag});
+    if (std::isfinite(sag)) path.emplace_back(at.z(), at.x());
   }
   return path;
 }

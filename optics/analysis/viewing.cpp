@@ -17,6 +17,7 @@ namespace {
 /// here are of a stop.
 const Stop& stop_of(const System& system) {
   system.check();
+  system.require_centered();
   if (!system.stop) throw std::invalid_argument("stop: the system has none");
   return *system.stop;
 }

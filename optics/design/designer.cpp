@@ -82,6 +82,7 @@ std::pair<double, double> bounds_of(const DesignVariable& variable, ShapeKind ki
 Designer::Designer(const Prescription& start, const LensDesignOptions& options)
     : start_(start), now_(start), options_(options) {
   start.check();
+  start.system.require_centered();
   options.check();
   if (!start.system.stop) throw std::invalid_argument("stop: the system has none");
   std::size_t first = start.system.surfaces.size();

@@ -53,10 +53,10 @@ Pupil first_pupil(const System& system, const WideAngleSettings& settings) {
 
 /// A decentered telecentric microscope takes the same rays as a centered one.
 /// Without symmetry the map needs two angles: as many bundles more as a skew table has arms.
-bool is_symmetric(const std::optional<Microscope>& microscope) {
-  return !microscope ||
-         (microscope->tilt.isZero(0) &&
-          (microscope->decenter.isZero(0) || !std::isfinite(microscope->pupil_distance)));
+bool is_symmetric(const System& system, const std::optional<Microscope>& microscope) {
+  return system.is_symmetric() && (!microscope || (microscope->tilt.isZero(0) &&
+                                                   (microscope->decenter.isZero(0) ||
+                                                    !std::isfinite(microscope->pupil_distance))));
 }
 
 /// The z at which the microscope's plane of focus must meet its axis so that it holds the aerial
@@ -97,7 +97,7 @@ System with_lens_distance(const System& system, double distance) {
 /// tenth where a table of two angles makes each try costly.
 WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settings)
     : settings_(settings),
-      symmetric_(is_symmetric(settings.microscope)),
+      symmetric_(is_symmetric(system, settings.microscope)),
       tracer_(resolved(system, settings), first_pupil(resolved(system, settings), settings)),
       samples_(disc_samples(settings.rings, settings.arms)),
       coarse_(disc_samples(2, 12)),
@@ -268,7 +268,9 @@ bool WideAngleMap::build_flat() {
 void WideAngleMap::require_symmetry() const {
   if (!symmetric_)
     throw std::invalid_argument(
-        "microscope: tilted or decentered, its map has no meridional plane");
+        "microscope: tilted or decentered, or the system has a surface off the axis or a toric "
+        "one: "
+        "its map has no meridional plane");
 }
 
 /// Polar coordinates about the stop's center: the field angle, and the distance of the retina less

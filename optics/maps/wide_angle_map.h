@@ -50,8 +50,9 @@ struct AerialPoint {
 };
 
 /// (field, depth) -> (d_ls, d_op) by bundles traced at nodes, interpolated; inverted by Newton.
-/// Rotationally symmetric, in (angle, depth), or, for a tilted microscope and a decentered one with
-/// a finite pupil, in two angles and the depth. Outside its validity it gives nothing; it never
+/// Rotationally symmetric, in (angle, depth), or, for a tilted microscope, a decentered one with a
+/// finite pupil, and a system with a surface off the axis or a toric one, in two angles and the
+/// depth. Outside its validity it gives nothing; it never
 /// extrapolates. The boundary belongs to it: a position that misses it by less than edge() is taken
 /// to lie on it.
 class WideAngleMap {

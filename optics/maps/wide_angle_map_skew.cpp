@@ -1,4 +1,4 @@
-// Wide-angle map of a tilted or decentered microscope, in two field angles and the depth.
+// Wide-angle map of a chain without rotational symmetry, in two field angles and the depth.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/maps/wide_angle_map.h"
 

@@ -2,6 +2,7 @@
 #include "optics/projection/exact_projection.h"
 
 #include "optics/numerics/preconditions.h"
+#include "optics/system/frames.h"
 
 #include <Eigen/Dense>
 
@@ -36,16 +37,14 @@ ExactProjection::ExactProjection(const System& system, const Microscope& microsc
   microscope.check();
   detail::require_positive(max_m, "max_m");
   const bool telecentric = !std::isfinite(microscope.pupil_distance);
-  symmetric_ =
-      !tabulated && microscope.tilt.isZero(0) && (telecentric || microscope.decenter.isZero(0));
+  symmetric_ = !tabulated && system.is_symmetric() && microscope.tilt.isZero(0) &&
+               (telecentric || microscope.decenter.isZero(0));
   Microscope traced = microscope;
   if (symmetric_) {
     traced.decenter.setZero();
     shift_ = microscope.decenter;
   }
-  retina_ = system.surfaces[0];
-  lens_ = system.surfaces[1];
-  lens_vertex_ = system.vertex(2);
+  vitreous_.surfaces.assign(system.surfaces.begin(), system.surfaces.begin() + 2);
   const detail::TraceLine trace = tracer_of(system, traced);
   if (symmetric_) {
     radial_ = detail::RadialLines(trace, max_m);
@@ -121,10 +120,11 @@ std::optional<ExactProjection::WithJacobian> ExactProjection::project_with_jacob
   detail::require(point_in_eye.allFinite(), "point_in_eye: must be finite");
   constexpr double kRounding = 1e-9;  // m: a point computed to lie on the retina is on it
   const double r = point_in_eye.head<2>().norm();
-  if (!(point_in_eye.z() >= retina_.sag(r) - kRounding))
-    return std::nullopt;             // NaN: beyond the retina's edge
-  const double lens = lens_.sag(r);  // NaN: it does not reach so far out
-  if (!(point_in_eye.z() <= lens_vertex_ + (std::isnan(lens) ? 0 : lens))) return std::nullopt;
+  if (!(point_in_eye.z() >= vitreous_.surfaces[0].sag(r) - kRounding))
+    return std::nullopt;  // NaN: beyond the retina's edge
+  const double lens = surface_height(vitreous_, 2, point_in_eye.head<2>());
+  if (!(point_in_eye.z() <= (std::isnan(lens) ? vitreous_.vertex(2) : lens)))
+    return std::nullopt;  // NaN: it does not reach so far out
   Solution found;
   if (!solve(point_in_eye, found)) return std::nullopt;
   WithJacobian made;

@@ -15,8 +15,9 @@
 namespace vitreo::optics {
 
 /// Isopixel lines are straight in the vitreous, so a table of them, by m, is the projection at
-/// every depth; a point's m is found by Newton. Any microscope: a centered one, or a decentered
-/// telecentric one, by polynomials; else by a grid. Outside the table, behind the retina, in the
+/// every depth; a point's m is found by Newton. Any microscope and any system: where all is
+/// symmetric, or the microscope is telecentric and decentered only, by polynomials; else by a
+/// grid. Outside the table, behind the retina, in the
 /// lens, in the iris' shadow and beyond where lines cross it gives nothing.
 class ExactProjection {
  public:
@@ -104,9 +105,7 @@ class ExactProjection {
   Eigen::Vector2d shift_{0, 0};  // m; of the table against the microscope's object plane
   detail::RadialLines radial_;
   detail::GridLines grid_;
-  Surface retina_;
-  Surface lens_;
-  double lens_vertex_;
+  System vitreous_;  // retina and surface 2, between which a point must lie
   double max_z_ = 0;
   double max_residual_ = 0;
 };

@@ -2,6 +2,7 @@
 #include "optics/rays/batch.h"
 
 #include "optics/numerics/preconditions.h"
+#include "optics/system/frames.h"
 #include "optics/system/refraction.h"
 
 #include <algorithm>
@@ -47,6 +48,44 @@ detail::TraceBlock kernel_for(CpuLevel level) {
   return level == CpuLevel::avx2 ? detail::trace_block_avx2 : detail::trace_block_baseline;
 }
 
+void set_rows(const Eigen::Matrix3d& axes, double* rows) {
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>{rows} = axes;
+}
+
+/// The medium behind surface `number`, in the frame of the surface `at` that the rays meet.
+detail::KernelGradient gradient_of(const System& system, int number, const SurfaceFrame& at) {
+  const Surface& surface = system.surfaces[number - 1];
+  const SurfaceFrame frame = surface_frame(system, number);
+  detail::KernelGradient made{};
+  made.index = surface.index;
+  std::copy(surface.gradient.along.begin(), surface.gradient.along.end(), made.along);
+  std::copy(surface.gradient.across.begin(), surface.gradient.across.end(), made.across);
+  set_rows(frame.axes.transpose() * at.axes, made.axes);
+  Eigen::Vector3d::Map(made.origin) = frame.to_local(at.origin);
+  return made;
+}
+
+/// What only surfaces off the axis, toric ones and those beside a gradient have; `made` is then met
+/// in its own frame.
+void compile_skew(const System& system, int number, bool outwards, detail::KernelSurface& made) {
+  const Surface& surface = system.surfaces[number - 1];
+  const int before = number - (outwards ? 1 : 0);
+  const int behind = number - (outwards ? 0 : 1);
+  made.graded_before = !system.surfaces[before - 1].gradient.is_none();
+  made.graded = made.graded_before || !system.surfaces[behind - 1].gradient.is_none();
+  made.toric = surface.is_toric();
+  made.skew = made.toric || made.graded || !surface.placement.is_none();
+  if (!made.skew) return;
+  const SurfaceFrame frame = surface_frame(system, number);
+  set_rows(frame.axes, made.axes);
+  Eigen::Vector3d::Map(made.origin) = frame.origin;
+  made.vertex = 0;
+  made.curvature_y = made.toric ? 1 / surface.radius_y : made.curvature;
+  made.conic_y = made.toric ? surface.conic_y : made.conic;
+  made.before = gradient_of(system, before, frame);
+  made.behind = gradient_of(system, behind, frame);
+}
+
 /// A surface as the kernel takes it: curvature for radius, squared radii for comparisons, the ratio
 /// of indices in the direction of travel.
 /// A plane's curvature is 1 / infinity = 0, and a rim of infinite radius clips nothing, so neither
@@ -55,7 +94,7 @@ detail::KernelSurface compile(const System& system, int number, double vertex, b
   const Surface& surface = system.surfaces[number - 1];
   const double before = system.surfaces[number - 2].index;
   const double behind = surface.index;
-  detail::KernelSurface made;
+  detail::KernelSurface made{};
   made.vertex = vertex;
   made.curvature = 1 / surface.radius;
   made.conic = surface.conic;
@@ -68,8 +107,10 @@ detail::KernelSurface compile(const System& system, int number, double vertex, b
   made.holds_stop = system.stop && system.stop->surface == number;
   made.stop2 = made.holds_stop ? system.stop->radius * system.stop->radius
                                : std::numeric_limits<double>::infinity();
+  made.sense = outwards ? 1 : -1;
   made.number = number;
   made.asphere = detail::is_asphere(surface);
+  compile_skew(system, number, outwards, made);
   return made;
 }
 

@@ -26,6 +26,20 @@ struct RayBlock {
 
 namespace detail {
 
+/// Steps of Runge and Kutta's method to a surface's vertex plane, half as many from there to the
+/// surface along the tangent, and at most so many of Newton's at its end.
+constexpr int kGradientSteps = 16;
+constexpr int kGradientNewton = 8;
+
+/// A medium with a gradient; its frame by that of the surface that the rays meet next.
+struct KernelGradient {
+  double index;
+  double along[4];   // m^-1 to m^-4
+  double across[3];  // m^-2, m^-4, m^-6
+  double axes[9];    // medium_from_surface, by rows
+  double origin[3];  // m: medium = axes surface + origin
+};
+
 struct KernelSurface {
   double vertex;     // m
   double curvature;  // 1/m
@@ -38,9 +52,22 @@ struct KernelSurface {
   // m^2, squared radii; infinite when there is none
   double clip2;
   double stop2;
-  int number;  // counted from 1, the retina
+  double sense;  // of travel along z, 1 or -1
+  int number;    // counted from 1, the retina
   bool asphere;
   bool holds_stop;
+  // What follows counts for skew surfaces alone: those off the axis, toric ones, and those beside a
+  // gradient. They are met in their own frame, with `vertex` 0.
+  bool skew;
+  bool toric;
+  bool graded;         // on either side; `before` and `behind` are set
+  bool graded_before;  // rays come to it along curves
+  double curvature_y;
+  double conic_y;
+  double axes[9];    // eye_from_surface, by rows
+  double origin[3];  // m, the vertex in the eye frame
+  KernelGradient before;
+  KernelGradient behind;
 };
 
 /// TraceStatus as the kernel writes it.

@@ -2,6 +2,7 @@
 #include "optics/rays/pupil.h"
 
 #include "optics/numerics/preconditions.h"
+#include "optics/system/frames.h"
 
 #include <Eigen/Dense>
 
@@ -31,6 +32,19 @@ Eigen::Vector2d slope_of(const Eigen::Vector3d& direction) {
   return direction.head<2>() / direction.z();
 }
 
+/// Where the rays, straight on, meet the x-y plane of a frame, in its coordinates.
+void reach_plane(const RayBlock& rays, const SurfaceFrame& frame, double* x, double* y) {
+  for (int i = 0; i < kLanes; ++i) {
+    const Eigen::Vector3d from = frame.to_local({rays.x[i], rays.y[i], rays.z[i]});
+    const Eigen::Vector3d along =
+        frame.axes.transpose() * Eigen::Vector3d(rays.dx[i], rays.dy[i], rays.dz[i]);
+    const Eigen::Vector3d at = from - along * (from.z() / along.z());
+    const bool alive = rays.lost[i] == 0;
+    x[i] = alive ? at.x() : std::numeric_limits<double>::quiet_NaN();
+    y[i] = alive ? at.y() : std::numeric_limits<double>::quiet_NaN();
+  }
+}
+
 }  // namespace
 
 /// Cells of equal area, so that plain means over the samples are means over the disc.
@@ -57,10 +71,19 @@ std::vector<Eigen::Vector2d> fan_samples(int count) {
   return samples;
 }
 
-/// The disc lies in the vertex plane of the stop's surface.
+/// The disc lies in the vertex plane of the stop's surface, tilted with it.
 Pupil Pupil::of_stop(const System& system, Kind kind) {
   if (!system.stop) throw std::invalid_argument("stop: the system has none");
-  return {kind, system.vertex(system.stop->surface), {0, 0}, system.stop->radius};
+  const int surface = system.stop->surface;
+  const bool graded = !system.surfaces[surface - 2].gradient.is_none();
+  Pupil made{graded ? Kind::real_stop : kind,
+             system.vertex(surface),
+             {0, 0},
+             system.stop->radius,
+             std::nullopt};
+  if (!system.surfaces[surface - 1].placement.is_none())
+    made.frame = surface_frame(system, surface);
+  return made;
 }
 
 /// sin u = NA in air, so the aperture's slope is tan(asin(NA)); a pupil at a distance has that
@@ -70,9 +93,10 @@ Pupil Pupil::of_microscope(const System& system, const Microscope& microscope) {
   const double opening = std::tan(std::asin(microscope.numerical_aperture));
   const Ray axis = chief_ray_in_air(system, microscope, {0, 0});
   if (!std::isfinite(microscope.pupil_distance))
-    return {Kind::infinity, 0, slope_of(axis.direction), opening};
+    return {Kind::infinity, 0, slope_of(axis.direction), opening, std::nullopt};
   const Eigen::Vector3d center = axis.origin + microscope.pupil_distance * axis.direction;
-  return {Kind::plane, center.z(), center.head<2>(), std::abs(microscope.pupil_distance) * opening};
+  return {Kind::plane, center.z(), center.head<2>(), std::abs(microscope.pupil_distance) * opening,
+          std::nullopt};
 }
 
 /// Bisection for the crossing of the line with the retina: z - sag(r) along it.
@@ -115,15 +139,15 @@ PupilTracer::PupilTracer(const System& system, const Pupil& pupil, CpuLevel leve
                   "pupil: needs a positive radius");
 }
 
-/// By the sags of retina and surface 2 at the point's distance from the axis.
+/// By the heights of retina and surface 2 over the point's distance from the axis.
 /// A point on the retina is in the vitreous, and so is one that touches the lens.
 bool PupilTracer::in_vitreous(const Eigen::Vector3d& point) const {
   constexpr double kRounding = 1e-9;  // m: a point computed to lie on the retina is on it
   if (!point.allFinite()) return false;
   const double r = point.head<2>().norm();
-  const double lens = system_.surfaces[1].sag(r);  // NaN: it does not reach so far out
+  const double lens = surface_height(system_, 2, point.head<2>());
   return point.z() >= system_.surfaces[0].sag(r) - kRounding &&
-         point.z() <= system_.vertex(2) + (std::isnan(lens) ? 0 : lens);
+         point.z() <= (std::isnan(lens) ? system_.vertex(2) : lens);  // NaN: it ends before
 }
 
 /// All lanes from one point, by their slopes dx/dz and dy/dz: unlike angles, these are the two
@@ -154,6 +178,8 @@ void PupilTracer::reach(RayBlock& rays, double* pupil_x, double* pupil_y) const 
   } else {
     open_.trace_out(rays);
   }
+  if (pupil_.kind == Pupil::Kind::stop && pupil_.frame)
+    return reach_plane(rays, *pupil_.frame, pupil_x, pupil_y);
   for (int i = 0; i < kLanes; ++i) {
     const double slope_x = rays.dx[i] / rays.dz[i];
     const double slope_y = rays.dy[i] / rays.dz[i];

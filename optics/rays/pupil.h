@@ -27,11 +27,15 @@ struct Pupil {
   /// stop: the plane of the system's stop as rays reach it before the stop's surface refracts them,
   /// though that surface may lie before the plane: the reading that reproduces the thesis' numbers.
   /// real_stop: in whichever medium lies there, as trace_out clips. Both have the same chief ray.
+  /// Behind a medium with a gradient, where no straight ray goes on, the stop is a real_stop.
   enum class Kind { stop, real_stop, plane, infinity };
   Kind kind = Kind::stop;
   double z = 0;                  // m, eye frame, of the plane
   Eigen::Vector2d center{0, 0};  // m; at infinity: slopes dx/dz, dy/dz
   double radius = 0;             // m; at infinity: slope
+  /// Of a stop whose surface is off the axis: the stop's plane is the x-y plane of this frame, and
+  /// `center` counts in it.
+  std::optional<SurfaceFrame> frame;
   // throws std::invalid_argument without a stop
   static Pupil of_stop(const System& system, Kind kind = Kind::stop);
   static Pupil of_microscope(const System& system, const Microscope& microscope);

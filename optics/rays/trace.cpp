@@ -2,9 +2,12 @@
 #include "optics/rays/trace.h"
 
 #include "optics/numerics/preconditions.h"
+#include "optics/rays/gradient_path.h"
+#include "optics/system/frames.h"
 #include "optics/system/refraction.h"
 
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace vitreo::optics {
@@ -19,22 +22,70 @@ void check_ray(const Ray& ray) {
                   "ray: its direction is not a unit vector");
 }
 
-/// Crosses surface `number` (vertex at z) outwards or inwards, in the frame of its vertex; on loss
-/// sets the status in `result` and returns false.
-/// `before` and `behind` are in the sense of travel: outwards the medium before a surface is the
-/// previous row's, inwards its own.
+/// The stop of surface `number`; without one a hole that clips nothing.
+double stop_radius_at(const System& system, int number) {
+  return system.stop && system.stop->surface == number ? system.stop->radius
+                                                       : std::numeric_limits<double>::infinity();
+}
+
+/// Crosses a surface of revolution about the axis between homogeneous media, whose vertex is at z.
+TraceStatus cross_centered(const System& system, int number, double ratio, double z, Ray& ray) {
+  const detail::Crossing<Surface> crossing{system.surfaces[number - 1], ratio,
+                                           stop_radius_at(system, number)};
+  Eigen::Vector3d origin = ray.origin - Eigen::Vector3d(0, 0, z);
+  const TraceStatus status = detail::cross(crossing, origin, ray.direction);
+  if (status == TraceStatus::ok) ray.origin = origin + Eigen::Vector3d(0, 0, z);
+  return status;
+}
+
+/// Crosses any surface, in its own frame. `before` and `behind` are the rows of the media as the
+/// ray goes.
+TraceStatus cross_placed(const System& system, int number, int before, int behind, Ray& ray) {
+  const SurfaceFrame frame = surface_frame(system, number);
+  const auto ratio = [&](const Eigen::Vector3d& local) {
+    const Eigen::Vector3d at = frame.to_eye(local);
+    return detail::index_at(system, before, at) / detail::index_at(system, behind, at);
+  };
+  const detail::GradedCrossing<decltype(ratio)> crossing{system.surfaces[number - 1], ratio,
+                                                         stop_radius_at(system, number)};
+  Eigen::Vector3d origin = frame.to_local(ray.origin);
+  Eigen::Vector3d direction = frame.axes.transpose() * ray.direction;
+  const TraceStatus status = detail::cross(crossing, origin, direction);
+  if (status == TraceStatus::ok)
+    ray = {frame.to_eye(origin), (frame.axes * direction).normalized()};
+  return status;
+}
+
+/// Crosses surface `number` (vertex at z before it is decentered) outwards or inwards; on loss sets
+/// the status in `result` and returns false.
+/// The media are in the sense of travel: outwards the medium before a surface is the previous
+/// row's, inwards its own.
 bool step(const System& system, int number, double z, bool outwards, TraceResult& result) {
-  const double before = system.surfaces[number - (outwards ? 2 : 1)].index;
-  const double behind = system.surfaces[number - (outwards ? 1 : 2)].index;
-  detail::Crossing<Surface> crossing{system.surfaces[number - 1], before / behind};
-  if (system.stop && system.stop->surface == number) crossing.stop_radius = system.stop->radius;
-  Eigen::Vector3d origin = result.ray.origin - Eigen::Vector3d(0, 0, z);
-  result.status = detail::cross(crossing, origin, result.ray.direction);
+  const int before = number - (outwards ? 1 : 0);
+  const int behind = number - (outwards ? 0 : 1);
+  const Surface& media_before = system.surfaces[before - 1];
+  const Surface& media_behind = system.surfaces[behind - 1];
+  const bool graded = !media_before.gradient.is_none();
+  Ray ray = result.ray;
+  double path = 0;
+  // A gradient's way ends on the surface; a straight one is found by the crossing itself.
+  if (graded) result.status = detail::follow_gradient(system, before, number, ray, path);
+  const Eigen::Vector3d from = ray.origin;
+  if (result.status == TraceStatus::ok) {
+    const bool centered =
+        system.surfaces[number - 1].placement.is_none() && media_behind.gradient.is_none();
+    result.status =
+        centered && !graded
+            ? cross_centered(system, number, media_before.index / media_behind.index, z, ray)
+            : cross_placed(system, number, before, behind, ray);
+  }
   if (result.status != TraceStatus::ok) {
     result.surface = number;
     return false;
   }
-  result.ray.origin = origin + Eigen::Vector3d(0, 0, z);
+  if (!graded) path = media_before.index * (ray.origin - from).norm();
+  result.ray = ray;
+  result.path += path;
   return true;
 }
 

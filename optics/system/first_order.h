@@ -16,9 +16,14 @@ namespace vitreo::optics {
 Eigen::Matrix2d refraction_matrix(double index_before, double index_behind, double radius);
 Eigen::Matrix2d transfer_matrix(double thickness, double index);
 
+/// Transfer through the medium behind a surface, its gradient included: the paraxial ray equation
+/// d(n u)/dz = 2 r2(z) y, dy/dz = (n u) / n(z) by the method of Runge and Kutta.
+Eigen::Matrix2d medium_matrix(const Surface& surface);
+
 /// (4.5), (4.9): from before surface `from` to behind surface `to` (counted from 1, 2 <= from <=
 /// to); by default from the vitreous at surface 2 to behind the last. Throws std::invalid_argument
-/// naming the argument.
+/// naming the argument. Surfaces off the axis count as if they were on it, toric ones by their mean
+/// curvature (the spherical equivalent).
 Eigen::Matrix2d system_matrix(const System& system, int from = 2, int to = 0);
 
 /// Signed distances along +z, in m. O1 is the vertex of surface 2, O2 that of the last surface.

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/names.h"
 #include "optics/system/prescriptions.h"
+#include "optics/system/surface_fields.h"
 
 #include <algorithm>
 #include <cmath>
@@ -35,13 +36,19 @@ void visit_parameters(AnyPrescription& of, Visitor&& visit) {
     one(of.surfaces[i], ".semi_diameter", "m", surface.semi_diameter);
     if (i + 1 < surfaces.size()) one(of.media[i], ".thickness", "m", surface.thickness);
     one(of.media[i], ".index", "1", surface.index);
+    if (i == 0) continue;  // the retina is centered and no toric, the vitreous has no gradient
+    for (const SurfaceField& field : surface_fields()) {
+      one(field.of_medium ? of.media[i] : of.surfaces[i], ("." + std::string(field.name)).c_str(),
+          field.unit, field.of(const_cast<Surface&>(surface)));
+    }
   }
   if (of.system.stop) visit("stop.radius", "stop.radius", "m", of.system.stop->radius);
 }
 
 std::vector<std::string> names_of(const Prescription& prescription) {
   std::vector<std::string> names;
-  for (const Parameter& one : parameters(prescription)) names.push_back(one.name);
+  visit_parameters(prescription, [&](const std::string& name, const std::string&, const char*,
+                                     double) { names.push_back(name); });
   return names;
 }
 
@@ -109,11 +116,18 @@ void Prescription::check() const {
   check_names(media, system, "media");
 }
 
+/// What a surface of revolution about the axis does not have is listed where it is not 0.
 std::vector<Parameter> parameters(const Prescription& prescription) {
   std::vector<Parameter> list;
+  const auto skew = [](const std::string& name) {
+    const auto fields = surface_fields();
+    return std::any_of(fields.begin(), fields.end(), [&](const SurfaceField& field) {
+      return name.ends_with("." + std::string(field.name));
+    });
+  };
   visit_parameters(prescription, [&](const std::string& name, const std::string&, const char* unit,
                                      double value) {
-    list.push_back({name, unit, value});
+    if (value != 0 || !skew(name)) list.push_back({name, unit, value});
   });
   if (prescription.system.stop)
     list.push_back({"stop.surface", "1", double(prescription.system.stop->surface)});

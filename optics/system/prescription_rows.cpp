@@ -19,11 +19,11 @@ std::string name_or(const std::string& name, const char* otherwise, std::size_t 
 /// Copies of the same doubles, no units converted: the round trip keeps every bit.
 PrescriptionTable to_rows(const Prescription& prescription) {
   prescription.check();
-  PrescriptionTable table{prescription.name, prescription.title, prescription.source, {}, 0, 0};
+  PrescriptionTable table{prescription.name, prescription.title, prescription.source, {}, 0, 0, 0};
+  table.wavelength = prescription.system.wavelength;
   for (std::size_t i = 0; i < prescription.surfaces.size(); ++i) {
-    const Surface& from = prescription.system.surfaces[i];
-    table.rows.push_back({prescription.surfaces[i], prescription.media[i], from.radius, from.conic,
-                          from.aspheric, from.thickness, from.index, from.semi_diameter});
+    table.rows.push_back(
+        {prescription.system.surfaces[i], prescription.surfaces[i], prescription.media[i]});
   }
   if (prescription.system.stop) {
     table.stop_surface = prescription.system.stop->surface;
@@ -45,9 +45,9 @@ Prescription from_rows(const PrescriptionTable& table) {
     const std::size_t number = made.surfaces.size() + 1;
     made.surfaces.push_back(name_or(row.surface, "surface_", number));
     made.media.push_back(name_or(row.medium, "medium_", number));
-    made.system.surfaces.push_back(
-        {row.radius, row.conic, row.aspheric, row.thickness, row.index, row.semi_diameter});
+    made.system.surfaces.push_back(row);
   }
+  made.system.wavelength = table.wavelength;
   if (table.stop_surface != 0) made.system.stop = Stop{table.stop_surface, table.stop_radius};
   made.check();
   return made;

@@ -4,24 +4,16 @@
 
 #include "optics/system/prescriptions.h"
 
-#include <array>
-#include <limits>
 #include <string>
 #include <vector>
 
 namespace vitreo::optics {
 
-/// One surface. SI as everywhere: lengths in m, a4 to a10 in m^-3 to m^-9. What is left out has
-/// these values.
-struct PrescriptionRow {
+/// One surface with the names of itself and of the medium behind it. SI as everywhere: lengths in
+/// m, a4 to a10 in m^-3 to m^-9.
+struct PrescriptionRow : Surface {
   std::string surface;  // empty: "surface_N"
   std::string medium;   // empty: "medium_N"
-  double radius = std::numeric_limits<double>::infinity();
-  double conic = 0;
-  std::array<double, 4> aspheric{};
-  double thickness = 0;
-  double index = 1;
-  double semi_diameter = std::numeric_limits<double>::infinity();
 };
 
 struct PrescriptionTable {
@@ -31,6 +23,7 @@ struct PrescriptionTable {
   std::vector<PrescriptionRow> rows;  // the first is the retina
   int stop_surface = 0;               // counted from 1; 0: no stop
   double stop_radius = 0;
+  double wavelength = kReferenceWavelength;  // m, of the light that the indices are for
 };
 
 /// Both directions keep every bit. from_rows throws std::invalid_argument naming the row's surface

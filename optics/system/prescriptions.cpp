@@ -64,6 +64,26 @@ Prescription make(const About& about, const Rows& rows) {
   return made;
 }
 
+/// Gives the eye's media, and what else has their names, the dispersion of an author's model.
+Prescription dispersed(Prescription made, Dispersion cornea, Dispersion aqueous, Dispersion lens,
+                       Dispersion vitreous) {
+  for (std::size_t i = 0; i < made.media.size(); ++i) {
+    const std::string& medium = made.media[i];
+    Dispersion& dispersion = made.system.surfaces[i].dispersion;
+    if (medium == "cornea") dispersion = cornea;
+    if (medium == "aqueous") dispersion = aqueous;
+    if (medium.starts_with("lens")) dispersion = lens;
+    if (medium == "vitreous") dispersion = vitreous;
+  }
+  return made;
+}
+
+/// Navarro, Santamaria & Bescos (1985) give dispersions with the indices of table 3.1.
+Prescription as_navarro(Prescription made) {
+  return dispersed(std::move(made), Dispersion::navarro_cornea, Dispersion::navarro_aqueous,
+                   Dispersion::navarro_lens, Dispersion::navarro_vitreous);
+}
+
 /// In the order of light: the eye first, then what is put before it.
 Rows operator+(Rows eye, const Rows& more) {
   eye.insert(eye.end(), more.begin(), more.end());
@@ -130,19 +150,67 @@ constexpr const char* kIris =
 /// Tables 3.1 to 3.4.
 std::vector<Prescription> all_of_navarro() {
   return {
-      make({"navarro", "Navarro's eye, relaxed (table 3.1)", kIris, 3, 1.5},
-           navarro("air", 0, 1.0)),
-      make({"navarro_vitrectomy", "Navarro's eye with vitrectomy lens S5.7010 (table 3.2)", kIris,
-            3, 1.5},
-           navarro("contact", 2.00, 1.425) +
-               Rows{{"contact.anterior", "air", kPlane, 0.00, 0.00, 1.000}}),
-      make({"navarro_condensing_conic", "Navarro's eye with the conic condensing lens (table 3.3)",
-            kIris, 3, 1.5},
-           navarro("gap", 2.31, 1.0) + condensing_lens(1.523)),
-      make({"navarro_condensing", "Navarro's eye with the aspheric condensing lens (table 3.4)",
-            kIris, 3, 1.5},
-           navarro("gap", 2.31, 1.0) + aspheric_condensing_lens()),
+      as_navarro(make({"navarro", "Navarro's eye, relaxed (table 3.1)", kIris, 3, 1.5},
+                      navarro("air", 0, 1.0))),
+      as_navarro(make({"navarro_vitrectomy",
+                       "Navarro's eye with vitrectomy lens S5.7010 (table 3.2)", kIris, 3, 1.5},
+                      navarro("contact", 2.00, 1.425) +
+                          Rows{{"contact.anterior", "air", kPlane, 0.00, 0.00, 1.000}})),
+      as_navarro(make({"navarro_condensing_conic",
+                       "Navarro's eye with the conic condensing lens (table 3.3)", kIris, 3, 1.5},
+                      navarro("gap", 2.31, 1.0) + condensing_lens(1.523))),
+      as_navarro(
+          make({"navarro_condensing", "Navarro's eye with the aspheric condensing lens (table 3.4)",
+                kIris, 3, 1.5},
+               navarro("gap", 2.31, 1.0) + aspheric_condensing_lens())),
   };
+}
+
+/// The gradients of Liou & Brennan (1997), table 1, whose z counts into the eye: from the lens'
+/// anterior vertex 1.368 + 0.049057 z - 0.015427 z^2 - 0.001978 r^2, 1.59 mm deep; from the equator
+/// 1.407 - 0.006605 z^2 - 0.001978 r^2, 2.43 mm deep; mm. Here z counts from the other end.
+void add_liou_brennan_gradients(System& system) {
+  constexpr double kPerMm = 1e3;
+  constexpr double kAcross = -0.001978 * kPerMm * kPerMm;
+  Surface& back = system.surfaces[1];
+  back.index = 1.407 - 0.006605 * 2.43 * 2.43;
+  back.gradient.along = {2 * 0.006605 * 2.43 * kPerMm, -0.006605 * kPerMm * kPerMm, 0, 0};
+  back.gradient.across[0] = kAcross;
+  Surface& front = system.surfaces[2];
+  front.index = 1.368 + 0.049057 * 1.59 - 0.015427 * 1.59 * 1.59;
+  front.gradient.along = {(2 * 0.015427 * 1.59 - 0.049057) * kPerMm, -0.015427 * kPerMm * kPerMm, 0,
+                          0};
+  front.gradient.across[0] = kAcross;
+}
+
+Prescription liou_brennan(const About& about, double gap_mm, const Rows& before_the_eye) {
+  Prescription made =
+      make(about, Rows{{"retina", "vitreous", 12.00, 0.00, 16.27, 1.336},
+                       {"lens.posterior", "lens_back", 8.10, 0.96, 2.43, 1.368},
+                       {"lens.equator", "lens_front", kPlane, 0.00, 1.59, 1.407},
+                       {"lens.anterior", "aqueous", -12.40, -0.94, 3.16, 1.336},
+                       {"cornea.posterior", "cornea", -6.40, -0.60, 0.50, 1.376},
+                       {"cornea.anterior", gap_mm > 0 ? "gap" : "air", -7.77, -0.18, gap_mm, 1.0}} +
+                      before_the_eye);
+  add_liou_brennan_gradients(made.system);
+  made.system.wavelength = 555e-9;
+  constexpr Dispersion kAll = Dispersion::liou_brennan;
+  return dispersed(std::move(made), kAll, kAll, kAll, kAll);
+}
+
+/// Eyes with a gradient lens.
+std::vector<Prescription> all_of_gradients() {
+  constexpr const char* kSource =
+      "Liou & Brennan (1997), table 1, at 555 nm; retina's radius 12 mm assumed; the stop is "
+      "centered "
+      "(theirs lies 0.5 mm nasally). Pupil: 3 mm in the vertex plane of the lens' anterior "
+      "surface.";
+  return {
+      liou_brennan({"liou_brennan", "eye of Liou and Brennan, gradient lens", kSource, 4, 1.5}, 0,
+                   {}),
+      liou_brennan({"liou_brennan_condensing",
+                    "eye of Liou and Brennan with the aspheric condensing lens", kSource, 4, 1.5},
+                   2.31, aspheric_condensing_lens())};
 }
 
 /// Table 5.3, the porcine eye of 7.2 and two stand-ins for the model eye of chapter 4.
@@ -170,9 +238,10 @@ std::vector<Prescription> all_of_other_eyes() {
       make({"model_eye_5_3_printed", "model eye of table 5.3 as printed, R5 = +9.48 mm",
             "The misprint: this eye is a lens of -30 D. Pupil: 3 mm at surface 3.", 3, 1.5},
            two_lens_eye(9.48)),
-      make({"porcine", "porcine eye (thesis 7.2)", kPig, 3, 1.5}, porcine("air", 0)),
-      make({"porcine_condensing", "porcine eye with the aspheric condensing lens", kPig, 3, 1.5},
-           porcine("gap", 2.31) + aspheric_condensing_lens()),
+      as_navarro(make({"porcine", "porcine eye (thesis 7.2)", kPig, 3, 1.5}, porcine("air", 0))),
+      as_navarro(make(
+          {"porcine_condensing", "porcine eye with the aspheric condensing lens", kPig, 3, 1.5},
+          porcine("gap", 2.31) + aspheric_condensing_lens())),
       make({"model_eye_in_air", "one-lens model eye in air (chapter 4), magnification 0.78",
             magnified.c_str(), 2, 2.356},
            one_lens_eye(14.0321, -7.8931)),
@@ -185,8 +254,8 @@ std::vector<Prescription> all_of_other_eyes() {
 /// Built anew at each call, so that there is no global state.
 std::vector<Prescription> all() {
   std::vector<Prescription> list = all_of_navarro();
-  std::vector<Prescription> others = all_of_other_eyes();
-  list.insert(list.end(), others.begin(), others.end());
+  for (const auto& others : {all_of_other_eyes(), all_of_gradients()})
+    list.insert(list.end(), others.begin(), others.end());
   return list;
 }
 

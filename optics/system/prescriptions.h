@@ -16,7 +16,9 @@ namespace vitreo::optics {
 /// A system whose surfaces and media have names, and through them its parameters:
 /// "cornea.anterior.radius" (m), ".conic", ".a4" to ".a10" (m^-3 to m^-9), ".semi_diameter" (m);
 /// "lens.thickness" (m), "lens.index"; "stop.radius" (m), "stop.surface". A surface may also be
-/// called by its number: "surface_5.radius", "surface_5.thickness".
+/// called by its number: "surface_5.radius", "surface_5.thickness". Off the axis:
+/// "lens.anterior.decenter_x" to "_z" (m), ".tilt_x" to "_z" (rad); toric: ".radius_y" (m),
+/// ".conic_y"; "lens.gradient_z1" to "_z4", "_r2" to "_r6" (system/gradient.h).
 struct Prescription {
   std::string name;                   // as prescription_names() lists it
   std::string title;                  // for display
@@ -41,7 +43,8 @@ std::vector<std::string> prescription_names();
 /// One of them. Throws std::invalid_argument with suggestions for an unknown name.
 Prescription prescription(std::string_view name);
 
-/// All parameters with their values, in the order of the surfaces, the stop last.
+/// All parameters with their values, in the order of the surfaces, the stop last. Decenter, tilt,
+/// toric sections and gradients only where there are some.
 std::vector<Parameter> parameters(const Prescription& prescription);
 
 /// One parameter's value. Throws std::invalid_argument with suggestions for an unknown name.

@@ -6,29 +6,15 @@
 #pragma once
 
 #include "optics/numerics/scalar.h"
-#include "optics/system/profile.h"
 #include "optics/system/ray.h"
-#include "optics/system/system.h"
+#include "optics/system/shape.h"
 
 #include <Eigen/Core>
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 
 namespace vitreo::optics::detail {
-
-inline double curvature_of(const Surface& surface) { return 1 / surface.radius; }
-
-template <class AnySurface, class T>
-Profile<T> profile(const AnySurface& surface, const T& r2) {
-  return profile(curvature_of(surface), surface.conic, surface.aspheric, r2);
-}
-
-inline bool is_asphere(const Surface& surface) {
-  return std::any_of(surface.aspheric.begin(), surface.aspheric.end(),
-                     [](double a) { return a != 0; });
-}
 
 /// `s` such that p + s d lies on the conic, p = plane_point in the vertex plane, d the unit
 /// direction. The conic of (3.1) without aspheric terms is F = c (x^2 + y^2 + (1 + k) z^2) - 2 z =
@@ -56,19 +42,18 @@ TraceStatus meet_conic(const AnySurface& surface, const Vector3<T>& plane_point,
 }
 
 /// Newton's method on f(s) = z - sag(r), whose slope is d_z - (sag'(r) / r) (x d_x + y d_y), from
-/// the conic's root, or from the tangent plane where the conic is missed. The step after
-/// convergence makes the derivatives of a Jet exact.
+/// the conic's root, or from the tangent plane where the conic is missed or the surface toric. The
+/// step after convergence makes the derivatives of a Jet exact.
 template <class AnySurface, class T>
 TraceStatus meet_asphere(const AnySurface& surface, const Vector3<T>& plane_point,
                          const Vector3<T>& d, T& s) {
   constexpr double kConverged = 1e-14;  // m
   constexpr int kMaxSteps = 30;
-  if (meet_conic(surface, plane_point, d, s) != TraceStatus::ok) s = T(0);
+  if (is_toric(surface) || meet_conic(surface, plane_point, d, s) != TraceStatus::ok) s = T(0);
   for (int step = 0; step < kMaxSteps; ++step) {
-    const Vector3<T> p = plane_point + s * d;
-    const Profile<T> at = profile(surface, T(p.x() * p.x() + p.y() * p.y()));
-    const T gap = p.z() - at.sag;
-    const T slope = d.z() - at.slope_over_r * (p.x() * d.x() + p.y() * d.y());
+    Vector3<T> normal;
+    const T gap = height_over(surface, Vector3<T>(plane_point + s * d), normal);
+    const T slope = normal.dot(d);
     if (!(gap == gap) || slope == 0.0) return TraceStatus::missed;
     s -= gap / slope;
     if (gap < kConverged && gap > -kConverged) return TraceStatus::ok;
@@ -80,9 +65,10 @@ TraceStatus meet_asphere(const AnySurface& surface, const Vector3<T>& plane_poin
 /// sag(r), or for a conic that of -F / 2.
 template <class AnySurface, class T>
 Vector3<T> unit_normal(const AnySurface& surface, const Vector3<T>& p) {
-  if (is_asphere(surface)) {
-    const T slope = profile(surface, T(p.x() * p.x() + p.y() * p.y())).slope_over_r;
-    return Vector3<T>(-slope * p.x(), -slope * p.y(), T(1)).normalized();
+  if (is_asphere(surface) || is_toric(surface)) {
+    Vector3<T> normal;
+    (void)height_over(surface, p, normal);
+    return normal.normalized();
   }
   const auto c = curvature_of(surface);  // this form stays regular at the equator of a sphere
   return Vector3<T>(-c * p.x(), -c * p.y(), 1.0 - (1.0 + surface.conic) * c * p.z()).normalized();
@@ -110,11 +96,23 @@ struct Crossing {
   const AnySurface& surface;
   double ratio;  // index before / index behind, as the ray goes
   double stop_radius = std::numeric_limits<double>::infinity();  // m, of a hole in the vertex plane
+  template <class T>
+  double ratio_at(const Vector3<T>&) const {
+    return ratio;
+  }
+};
+
+/// The same between media of which one or both have a gradient: the ratio is that at the point.
+template <class Ratio>
+struct GradedCrossing {
+  const Surface& surface;
+  Ratio ratio_at;
+  double stop_radius = std::numeric_limits<double>::infinity();  // m
 };
 
 /// Propagates the ray from its origin to behind the surface; leaves it alone when it is lost.
-template <class AnySurface, class T>
-TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>& direction) {
+template <class AnyCrossing, class T>
+TraceStatus cross(const AnyCrossing& at, Vector3<T>& origin, Vector3<T>& direction) {
   // m: a path this short is rounding, a longer one means that the surfaces cross
   constexpr double kBackwards = -1e-12;
   if (direction.z() == 0.0) return TraceStatus::missed;
@@ -122,7 +120,7 @@ TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>
   const Vector3<T> plane_point(origin.x() + to_plane * direction.x(),
                                origin.y() + to_plane * direction.y(), T(0));
   T s(0);
-  const TraceStatus met = is_asphere(at.surface)
+  const TraceStatus met = is_asphere(at.surface) || is_toric(at.surface)
                               ? meet_asphere(at.surface, plane_point, direction, s)
                               : meet_conic(at.surface, plane_point, direction, s);
   if (met != TraceStatus::ok) return met;
@@ -133,7 +131,7 @@ TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>
   };
   if (outside(hit, at.surface.semi_diameter)) return TraceStatus::clipped;
   Vector3<T> refracted = direction;
-  if (!refract(at.ratio, unit_normal(at.surface, hit), refracted))
+  if (!refract(at.ratio_at(hit), unit_normal(at.surface, hit), refracted))
     return TraceStatus::total_reflection;
   // The hole lies in the vertex plane: before the surface or behind it, by the sign of the sag, so
   // both directions of travel are clipped alike.

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <stdexcept>
 #include <utility>
 
@@ -99,6 +100,8 @@ class Reader {
   bool surface_shape(const ZemaxLine& line);
   bool surface_edge(const ZemaxLine& line);
   void parameter(const ZemaxLine& line);
+  void break_parameter(int which, double value, const ZemaxLine& line);
+  void biconic_parameter(int which, double value, const ZemaxLine& line);
   void finish();
   Surface& surface() { return file_.surfaces.back(); }
   int number() const { return static_cast<int>(file_.surfaces.size()) - 1; }
@@ -106,7 +109,8 @@ class Reader {
   ZemaxFile file_;
   double unit_ = 1e-3;  // Zemax' own default
   bool unit_used_ = false;
-  bool asphere_ = false;
+  enum class Type { standard, asphere, biconic, coordinate_break };
+  Type type_ = Type::standard;
   double diameter_ = 0;  // DIAM of the current surface, a semi-diameter, m
   int primary_ = 1;      // PWAV, from 1
 };
@@ -172,18 +176,49 @@ void Reader::begin_surface(const ZemaxLine& line) {
   if (file_.surfaces.size() >= kMostSurfaces) line.refuse("too many surfaces");
   file_.surfaces.emplace_back();
   file_.comments.emplace_back();
-  asphere_ = false;
+  file_.breaks.emplace_back();
+  type_ = Type::standard;
   diameter_ = 0;
   unit_used_ = true;
 }
 
-/// PARM of even aspheres (EVENASPH).
+/// PARM of coordinate breaks: decenter x, y; tilts about x, y, z in degrees; order flag.
+void Reader::break_parameter(int which, double value, const ZemaxLine& line) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  ZemaxBreak& made = *file_.breaks.back();
+  if (which == 1 || which == 2) {
+    made.decenter[which - 1] = value * unit_;
+  } else if (which >= 3 && which <= 5) {
+    made.tilt[which - 3] = value * kDegree;
+  } else if (which == 6) {
+    made.tilt_first = true;
+  } else {
+    line.refuse("a coordinate break has no PARM " + std::to_string(which));
+  }
+}
+
+/// PARM of biconic surfaces: radius and conic constant of the section along x; CURV and CONI are
+/// those along y. A radius of 0 stands for a plane.
+void Reader::biconic_parameter(int which, double value, const ZemaxLine& line) {
+  if (which == 1) {
+    surface().radius = value * unit_;
+  } else if (which == 2) {
+    surface().conic = value;
+  } else {
+    line.refuse("a biconic surface has no PARM " + std::to_string(which));
+  }
+}
+
+/// PARM of even aspheres (EVENASPH), and of the types above.
 /// A value of zero is accepted on any surface, as it changes nothing.
 void Reader::parameter(const ZemaxLine& line) {
   const int which = line.integer_at(0, "number");
   const double value = line.number_at(1, "value");
   if (value == 0) return;
-  if (!asphere_) line.refuse("a standard surface has no parameters (TYPE must come before PARM)");
+  if (type_ == Type::coordinate_break) return break_parameter(which, value, line);
+  if (type_ == Type::biconic) return biconic_parameter(which, value, line);
+  if (type_ == Type::standard)
+    line.refuse("a standard surface has no parameters (TYPE must come before PARM)");
   if (which < 2 || which > 5) {
     line.refuse("only the terms of r^4 to r^10 (PARM 2 to 5) are supported, PARM " +
                 std::to_string(which) + " is not zero");
@@ -199,17 +234,29 @@ bool Reader::surface_shape(const ZemaxLine& line) {
   const std::string& operand = line.operand;
   if (operand == "TYPE") {
     const std::string type = line.words.empty() ? "" : line.words[0];
-    if (type != "STANDARD" && type != "EVENASPH") {
+    if (type == "STANDARD") {
+      type_ = Type::standard;
+    } else if (type == "EVENASPH") {
+      type_ = Type::asphere;
+    } else if (type == "BICONICX") {
+      type_ = Type::biconic;
+      surface().radius_y = std::numeric_limits<double>::infinity();  // as its x, without CURV
+    } else if (type == "COORDBRK") {
+      if (number() == 0) line.refuse("the object cannot be a coordinate break");
+      type_ = Type::coordinate_break;
+      file_.breaks.back() = ZemaxBreak{};
+    } else {
       line.refuse("surface type \"" + type.substr(0, 20) +
-                  "\" is not supported, only STANDARD and EVENASPH are");
+                  "\" is not supported, only STANDARD, EVENASPH, BICONICX and COORDBRK are");
     }
-    asphere_ = type == "EVENASPH";
   } else if (operand == "CURV") {
     // CURV is 1 / R in 1 / (lens unit).
     const double curvature = line.number_at(0, "curvature");
-    surface().radius = curvature == 0 ? std::numeric_limits<double>::infinity() : unit_ / curvature;
+    double& radius = type_ == Type::biconic ? surface().radius_y : surface().radius;
+    radius = curvature == 0 ? std::numeric_limits<double>::infinity() : unit_ / curvature;
   } else if (operand == "CONI") {
-    surface().conic = line.number_at(0, "conic constant");
+    double& conic = type_ == Type::biconic ? surface().conic_y : surface().conic;
+    conic = line.number_at(0, "conic constant");
   } else if (operand == "PARM") {
     parameter(line);
   } else if (operand == "DISZ") {

@@ -1,9 +1,11 @@
-// Import of Zemax lens files (.zmx): sequential, standard and even aspheric surfaces, centered on
-// one axis.
+// Import of Zemax lens files (.zmx): sequential; standard, even aspheric and biconic surfaces;
+// coordinate breaks.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "optics/system/prescriptions.h"
+
+#include <Eigen/Core>
 
 #include <optional>
 #include <string>
@@ -12,6 +14,14 @@
 
 namespace vitreo::optics {
 
+/// A coordinate break: what follows is moved by `decenter` and turned by Rx Ry Rz of `tilt`; with
+/// `tilt_first` (order flag not 0) turned by Rz Ry Rx, then moved in the turned axes.
+struct ZemaxBreak {
+  Eigen::Vector2d decenter{0, 0};  // m
+  Eigen::Vector3d tilt{0, 0, 0};   // rad
+  bool tilt_first = false;
+};
+
 /// The contents of a file, in its own order: the first surface is the object, the last the image.
 /// SI; the last four aspheric coefficients of the format (r^2 and r^12 to r^16) must be zero.
 /// Indices are those of the d line (587.6 nm): dispersion is not imported.
@@ -19,6 +29,8 @@ struct ZemaxFile {
   std::string title;
   std::vector<Surface> surfaces;      // infinite thickness: an object at infinity
   std::vector<std::string> comments;  // one per surface, often empty
+  // one per surface: a break is no surface, but has a number and a thickness as one
+  std::vector<std::optional<ZemaxBreak>> breaks;
   int stop = 0;  // number of the stop's surface as in the file, from 0; 0: none
   std::optional<double> stop_radius;              // m: the stop surface's DIAM
   std::optional<double> entrance_pupil_diameter;  // m
@@ -37,10 +49,11 @@ enum class ZemaxDirection {
   image_is_retina,  // it goes into the eye, as eyes are usually modeled: everything is turned round
 };
 
-/// A prescription for tracing: from the retina to the last refracting surface. Surfaces are called
-/// by their number. The stop's radius is the file's, or follows from the entrance pupil in first
-/// order; no stop when there is neither. Throws std::invalid_argument when what should be the
-/// retina is at infinity, or the system is unsound.
+/// A prescription for tracing: from the retina, whose frame is the eye frame, to the last
+/// refracting surface; breaks have become decenters and tilts. Surfaces are called by their number.
+/// The stop's radius is the file's, or follows from the entrance pupil in first order; no stop when
+/// there is neither. Throws std::invalid_argument when what should be the retina is at infinity, or
+/// the system is unsound.
 Prescription prescription_from_zemax(const ZemaxFile& file, ZemaxDirection direction);
 
 }  // namespace vitreo::optics

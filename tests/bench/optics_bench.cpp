@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/field_errors.h"
+#include "optics/analysis/wavefront.h"
 #include "optics/design/lens_design.h"
 #include "optics/maps/thesis_curves.h"
 #include "optics/pose/object_pose.h"
 #include "optics/pose/pose.h"
 #include "optics/rays/batch.h"
+#include "optics/system/frames.h"
+#include "optics/system/prescriptions.h"
 
 #include <benchmark/benchmark.h>
 
@@ -86,6 +89,49 @@ const bool kRegistered = [] {
   }
   return true;
 }();
+
+// Each thread its own rays: what two of them make beside one.
+void trace_batch_threads(benchmark::State& state) { trace_batch(state, best_cpu_level()); }
+BENCHMARK(trace_batch_threads)
+    ->Name("optics/trace_batch_threads")
+    ->Threads(1)
+    ->Threads(2)
+    ->UseRealTime();
+
+/// 0: centered; 1: the lens of the eye off the axis; 2: all surfaces; 3: Liou and Brennan's
+/// gradient lens.
+System skew_system(int kind) {
+  System system = kind == 3 ? prescription("liou_brennan_condensing").system : table_3_4();
+  const Placement motion{{1e-4, 0, 0}, {0, 0.02, 0}};
+  if (kind == 1 || kind == 2)
+    place_group(system, 2, kind == 1 ? 3 : system.size(), motion, {0, 0, system.vertex(3)});
+  return system;
+}
+
+void trace_batch_skew(benchmark::State& state) {
+  constexpr int kRays = 1024;
+  const System system = skew_system(static_cast<int>(state.range(0)));
+  const BatchTracer tracer(system);
+  const std::vector<Ray> rays = skew_rays(system, kRays);
+  RayBatch start(kRays);
+  for (int i = 0; i < kRays; ++i) start.put(i, rays[i]);
+  RayBatch batch = start;
+  for (auto _ : state) {
+    batch = start;
+    tracer.trace_out(batch);
+    benchmark::DoNotOptimize(batch.blocks().data());
+    benchmark::ClobberMemory();
+  }
+  count_ray_surfaces(state, system, kRays);
+}
+BENCHMARK(trace_batch_skew)->Name("optics/trace_batch_skew")->DenseRange(0, 3);
+
+void wave_of_point(benchmark::State& state) {
+  const System system = table_3_4();
+  const PupilTracer tracer(system, Pupil::of_stop(system, Pupil::Kind::real_stop));
+  for (auto _ : state) benchmark::DoNotOptimize(wavefront(tracer, {0, 0, 0}));
+}
+BENCHMARK(wave_of_point)->Name("optics/wavefront")->Unit(benchmark::kMillisecond);
 
 void trace_scalar(benchmark::State& state) {
   constexpr int kRays = 256;

@@ -105,7 +105,7 @@ int system(Call& call) {
     push_system(call.L, prescription_table_at(call.L, call.index(0)));
     return 1;
   }
-  refuse_beside(call, "name, zemax or file", {"title", "source", "stop"});
+  refuse_beside(call, "name, zemax or file", {"title", "source", "stop", "wavelength"});
   const auto name = call.text_option("name"), zemax = call.text_option("zemax"),
              file = call.text_option("file");
   if (name.has_value() + zemax.has_value() + file.has_value() != 1)
@@ -217,6 +217,13 @@ const std::vector<Binding>& optics_functions() {
                .type = Type::table,
                .optional = true,
                .help = "with rows: {surface = , radius = }"},
+              {.name = "wavelength",
+               .type = Type::number,
+               .unit = "m",
+               .optional = true,
+               .min = 200e-9,
+               .max = 2e-6,
+               .help = "with rows: that their indices are for (589.3 nm)"},
               text("zemax", "the text of a .zmx file"),
               text("file", "a .zmx file below the current folder or those of scripts"),
               direction})},
@@ -235,8 +242,9 @@ const Class& optical_system_class() {
     Class made{
         "optical_system", "an eye with what stands before it; make one with optics.system", {}, {}};
     for (auto rows : {system_table_rows(), system_first_order_rows(), system_ray_rows(),
-                      system_map_rows(), system_tolerance_rows(), system_pose_rows(),
-                      system_chain_rows(), system_calibration_rows(), system_design_rows()})
+                      system_wave_rows(), system_map_rows(), system_tolerance_rows(),
+                      system_pose_rows(), system_chain_rows(), system_calibration_rows(),
+                      system_design_rows()})
       for (Binding& row : rows) made.methods.push_back(std::move(row));
     return made;
   }();

@@ -31,6 +31,7 @@ optics::Prescription prescription_table_at(lua_State* L, int index);
 std::vector<Binding> system_table_rows();
 std::vector<Binding> system_first_order_rows();
 std::vector<Binding> system_ray_rows();
+std::vector<Binding> system_wave_rows();
 std::vector<Binding> system_map_rows();
 std::vector<Binding> system_tolerance_rows();
 std::vector<Binding> system_pose_rows();

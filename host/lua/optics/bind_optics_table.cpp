@@ -3,6 +3,7 @@
 #include "host/lua/interpreter/values.h"
 #include "host/lua/optics/bind_optics.h"
 #include "optics/system/prescription_rows.h"
+#include "optics/system/surface_fields.h"
 
 #include <cmath>
 #include <stdexcept>
@@ -34,6 +35,10 @@ void set_row(ResultTable& table, const PrescriptionRow& row) {
     if (row.*column != usual.*column) table.number(name, row.*column, unit);
   for (std::size_t i = 0; i < 4; ++i)
     if (row.aspheric[i] != 0) table.number(kAspheric[i], row.aspheric[i]);
+  for (const optics::SurfaceField& field : optics::surface_fields())
+    if (field.value(row) != 0) table.number(field.name, field.value(row));
+  if (row.dispersion != usual.dispersion)
+    table.text("dispersion", optics::to_string(row.dispersion));
 }
 
 /// An optional number of a table; `where` names the table in the error.
@@ -52,7 +57,8 @@ double number_field(lua_State* L, int index, const char* name, double usual,
 PrescriptionRow row_at(lua_State* L, int index, const std::string& where) {
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + "wants a table, got " + kind_of(L, index));
-  std::vector<std::string> known{"surface", "medium"};
+  std::vector<std::string> known{"surface", "medium", "dispersion"};
+  for (const optics::SurfaceField& field : optics::surface_fields()) known.emplace_back(field.name);
   for (const Column& column : kColumns) known.emplace_back(column.name);
   for (const char* name : kAspheric) known.emplace_back(name);
   refuse_unknown(L, index, where, known);
@@ -63,6 +69,10 @@ PrescriptionRow row_at(lua_State* L, int index, const std::string& where) {
     row.*column = number_field(L, index, name, row.*column, where);
   for (std::size_t i = 0; i < 4; ++i)
     row.aspheric[i] = number_field(L, index, kAspheric[i], 0, where);
+  for (const optics::SurfaceField& field : optics::surface_fields())
+    field.of(row) = number_field(L, index, field.name, 0, where);
+  const std::string dispersion = text_field(L, index, "dispersion", where, false);
+  if (!dispersion.empty()) row.dispersion = optics::dispersion_named(dispersion);
   return row;
 }
 
@@ -123,6 +133,8 @@ int prescription(Call& call) {
   const optics::PrescriptionTable rows = optics::to_rows(eye_of(call));
   ResultTable table(call);
   table.text("name", rows.name).text("title", rows.title).text("source", rows.source);
+  if (rows.wavelength != optics::kReferenceWavelength)
+    table.number("wavelength", rows.wavelength, "m");
   // 0: there is no stop.
   if (rows.stop_surface > 0)
     table.table("stop", [&rows](ResultTable& stop) {
@@ -142,6 +154,7 @@ optics::Prescription prescription_table_at(lua_State* L, int index) {
   table.title = text_field(L, index, "title", "", false);
   table.source = text_field(L, index, "source", "", false);
   read_stop(L, index, table);
+  table.wavelength = number_field(L, index, "wavelength", table.wavelength, "");
   if (lua_getfield(L, index, "rows") != LUA_TTABLE)
     throw std::invalid_argument("rows: wants a list of surfaces, got " + kind_of(L, -1));
   const int list = lua_gettop(L);
@@ -163,6 +176,10 @@ std::vector<Binding> system_table_rows() {
       {{"name", "", ""},
        {"title", "", ""},
        {"source", "", ""},
+       {.name = "wavelength",
+        .unit = "m",
+        .help = "that the indices are for (589.3 nm)",
+        .optional = true},
        {.name = "stop",
         .help = "the aperture stop, where it is no surface of its own",
         .fields = {{"surface", "", "its number; the retina is 1"}, {"radius", "m", ""}},
@@ -180,7 +197,12 @@ std::vector<Binding> system_table_rows() {
          usual("a4", "", "aspheric term, SI"),
          usual("a6", "", "aspheric term, SI"),
          usual("a8", "", "aspheric term, SI"),
-         usual("a10", "", "aspheric term, SI")}}}};
+         usual("a10", "", "aspheric term, SI"),
+         usual("radius_y", "m", "of a toric surface, along its y; conic_y likewise"),
+         usual("decenter_x", "m", "of the vertex, eye frame; _y, _z likewise"),
+         usual("tilt_x", "rad", "about x, then y, then z; _y, _z likewise"),
+         usual("gradient_r2", "", "of the medium's index by r^2, SI; _r4, _r6, _z1 to _z4"),
+         usual("dispersion", "", "the medium's model: navarro_lens, water, ...")}}}};
   return {{"info",
            {},
            {"table",

@@ -3,12 +3,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/zemax.h"
 
+#include "optics/rays/trace.h"
 #include "optics/system/first_order.h"
+#include "optics/system/frames.h"
 #include "tests/optics/support.h"
 
+#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <string>
 #include <vector>
@@ -187,7 +191,7 @@ TEST(Zemax, WhatIsNotSupportedIsRefusedWithItsLineAndOperand) {
   refused("line 2: MODE", "MODE SEQ", "MODE NSC");
   refused("line 6: UNIT", "UNIT MM", "UNIT FURLONG");
   refused("line 7: ENPD", "ENPD 3.0E+0", "ENPD -3");
-  refused("line 21: TYPE", "front\n  TYPE STANDARD", "front\n  TYPE COORDBRK");
+  refused("line 21: TYPE", "front\n  TYPE STANDARD", "front\n  TYPE TOROIDAL");
   refused("line 22: CURV", "CURV 1.295336787564767E-1", "CURV nan");
   refused("line 22: CURV", "CURV 1.295336787564767E-1", "CURV 1.2abc");
   refused("line 23: CONI", "CONI -2.6E-1", "CONI");
@@ -202,6 +206,100 @@ TEST(Zemax, WhatIsNotSupportedIsRefusedWithItsLineAndOperand) {
   refused("line 54: MNUM", "MNUM 1 1", "MNUM 3 1");
   refused("line 54: WIBBLE", "MNUM 1 1", "WIBBLE 1");
   refused("line 15: TYPE", "SURF 0", "NOTE");
+}
+
+/// A lens of two spheres in air between coordinate breaks: the second undoes the first.
+std::string tilted_file(const std::string& order) {
+  return R"(MODE SEQ
+UNIT MM
+SURF 0
+  TYPE STANDARD
+  DISZ 20
+SURF 1
+  TYPE COORDBRK
+  PARM 1 0.5
+  PARM 2 -0.25
+  PARM 3 10
+  PARM 4 -5
+  PARM 5 30
+  PARM 6 )" +
+         order +
+         R"(
+  DISZ 0
+SURF 2
+  TYPE STANDARD
+  CURV 0.1
+  DISZ 4
+  GLAS ___BLANK 1 0 1.5 60
+SURF 3
+  TYPE BICONICX
+  CURV -0.08
+  CONI -0.5
+  PARM 1 -15
+  PARM 2 -0.25
+  DISZ 3
+SURF 4
+  TYPE STANDARD
+  DISZ 0
+)";
+}
+
+TEST(Zemax, CoordinateBreaksBecomeDecentersAndTilts) {
+  const Prescription lens =
+      prescription_from_zemax(parse_zemax(tilted_file("0")), ZemaxDirection::object_is_retina);
+  const System& system = lens.system;
+  ASSERT_EQ(system.size(), 3);
+  const SurfaceFrame first = surface_frame(system, 2);
+  EXPECT_NEAR(first.origin.x(), 0.5 * kMm, 1e-15);  // decentered before it is turned
+  EXPECT_NEAR(first.origin.y(), -0.25 * kMm, 1e-15);
+  EXPECT_NEAR(first.origin.z(), 20 * kMm, 1e-15);
+  // OpticStudio's matrix Rx Ry Rz: its third column is the new axis.
+  constexpr double kDegree = std::numbers::pi / 180;
+  EXPECT_NEAR(first.axes(0, 2), std::sin(-5 * kDegree), 1e-15);
+  EXPECT_NEAR(first.axes(1, 2), -std::sin(10 * kDegree) * std::cos(5 * kDegree), 1e-15);
+  EXPECT_NEAR(first.axes(0, 0), std::cos(5 * kDegree) * std::cos(30 * kDegree), 1e-15);
+  // The next surface lies 4 mm along the turned axis.
+  const SurfaceFrame second = surface_frame(system, 3);
+  EXPECT_LT((second.origin - first.origin - 4 * kMm * first.axes.col(2)).norm(), 1e-15);
+  EXPECT_LT((second.axes - first.axes).norm(), 1e-14);
+  EXPECT_NEAR(system.surfaces[2].radius, -15 * kMm, 1e-15);
+  EXPECT_NEAR(system.surfaces[2].radius_y, -12.5 * kMm, 1e-15);
+  EXPECT_NEAR(system.surfaces[2].conic, -0.25, 1e-15);
+  EXPECT_NEAR(system.surfaces[2].conic_y, -0.5, 1e-15);
+}
+
+TEST(Zemax, TheOrderFlagTiltsFirst) {
+  const Prescription lens =
+      prescription_from_zemax(parse_zemax(tilted_file("1")), ZemaxDirection::object_is_retina);
+  const SurfaceFrame first = surface_frame(lens.system, 2);
+  const Eigen::Vector3d moved = first.axes * Eigen::Vector3d(0.5, -0.25, 0) * kMm;
+  EXPECT_LT((first.origin - Eigen::Vector3d(0, 0, 20 * kMm) - moved).norm(), 1e-15);
+  // Rz Ry Rx: the first row of it is (cos z cos y, ..).
+  constexpr double kDegree = std::numbers::pi / 180;
+  EXPECT_NEAR(first.axes(2, 0), -std::sin(-5 * kDegree), 1e-15);
+}
+
+TEST(Zemax, ABrokenLensTracesTheSameOutAndTurnedRound) {
+  const ZemaxFile file = parse_zemax(tilted_file("0"));
+  const System out = prescription_from_zemax(file, ZemaxDirection::object_is_retina).system;
+  const System in = prescription_from_zemax(file, ZemaxDirection::image_is_retina).system;
+  const TraceResult forward =
+      trace_out(out, {{0, 0, 0}, Eigen::Vector3d(0.01, 0.02, 1).normalized()});
+  ASSERT_EQ(forward.status, TraceStatus::ok);
+  // The retina of the second is the file's image, whose axes are those behind the breaks, turned by
+  // pi about y.
+  const SurfaceFrame last = surface_frame(out, 3);
+  const Eigen::Vector3d image = last.origin + 3 * kMm * last.axes.col(2);
+  const Eigen::Matrix3d to_in =
+      Eigen::Vector3d(-1, 1, -1).asDiagonal() * Eigen::Matrix3d(last.axes.transpose());
+  const Eigen::Vector3d start = to_in * (forward.ray.origin - image);
+  const Eigen::Vector3d direction = to_in * forward.ray.direction;
+  const Ray back{start + 3 * kMm * direction, -direction};
+  const TraceResult traced = trace_out(in, back);
+  ASSERT_EQ(traced.status, TraceStatus::ok);
+  const Eigen::Vector3d object = to_in * (-image);
+  const Eigen::Vector3d off = traced.ray.origin - object;
+  EXPECT_LT(off.cross(traced.ray.direction).norm(), 1e-12);
 }
 
 TEST(Zemax, EmptyAndBinaryFilesAreRefused) {
