@@ -82,6 +82,7 @@ optics::OutlineSeen outline_at(const OptionTable& entry, const std::string& wher
   seen.covariance = sigma * sigma * optics::EllipseCovariance::Identity();
   seen.covariance(4, 4) = sigma * sigma / (difference * difference);
   seen.axis_sigma = entry.number("axis_sigma").value_or(0.035);
+  seen.contour_sigma_px = std::max(0.0, entry.number("contour_sigma").value_or(0));
   if (!(sigma > 0) || !(seen.axis_sigma > 0))
     throw std::invalid_argument(where + "sigma and axis_sigma must be above 0");
   if (!(seen.ellipse[3] > 0 && seen.ellipse[2] >= seen.ellipse[3]))
@@ -148,7 +149,8 @@ std::vector<Argument> session_arguments() {
   return {
       list("looks",
            "{{u = , v = , semi_major = , semi_minor = , angle = , sigma = 0.2, axis = , axis_sigma "
-           "= 0.035, contact_sigma = , lying_height = , position = , position_sigma = }, ...}: "
+           "= 0.035, contour_sigma = 0, contact_sigma = , lying_height = , position = , "
+           "position_sigma = }, ...}: "
            "pictures of the robot; with contact_sigma it lies on the retina, with position it was "
            "measured (a sigma of 0: not in that direction)"),
       list("landmarks",
@@ -162,7 +164,7 @@ optics::ChainSession session_options(const Call& call) {
   optics::ChainSession session;
   each_entry(call, "looks",
              {"u", "v", "semi_major", "semi_minor", "angle", "sigma", "axis", "axis_sigma",
-              "contact_sigma", "lying_height", "position", "position_sigma"},
+              "contour_sigma", "contact_sigma", "lying_height", "position", "position_sigma"},
              [&](const OptionTable& entry, const std::string& where) {
                session.looks.push_back(look_at(entry, where));
              });
