@@ -48,6 +48,7 @@ namespace {
 constexpr int kOutlinePoints = 12;
 constexpr int kDifferentiated = 6;  // of them, each second
 
+// By the parameters; the chain's robot is the believed one.
 Spheroid true_size(const ViewingChain& chain) {
   const Spheroid& robot = chain.nominal().robot;
   return {robot.semi_axis * chain.placed().robot_length,
@@ -65,6 +66,7 @@ Eigen::Matrix<T, 5, 1> smooth_of(const detail::AffineCircle<T>& circle) {
   return smooth;
 }
 
+// Of both semi-axes alike, so it is in their mean and not in their difference.
 double dilation_at(const ViewingChain& chain, double z) {
   return chain.placed().dilation_px + chain.placed().dilation_slope * (z - detail::kDilationHeight);
 }
@@ -122,6 +124,7 @@ Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlac
                                       const Eigen::Vector3d& point, const LineDerivatives& line) {
   const Eigen::Vector3d offset = point - place.position;
   const Eigen::Matrix2d inverse = line.pixel_at(point.z()).inverse();
+  // dp = G^-1 (dP_xy - s dz), as in ViewingChain::seen().
   Eigen::Matrix<double, 2, 3> by_point;
   by_point << inverse, -inverse * line.line.tail<2>();
   Eigen::MatrixXd all(2, 5 + chain.size());
@@ -131,6 +134,8 @@ Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlac
   Eigen::Matrix<double, 2, 4> of_line;
   of_line << -inverse, -point.z() * inverse;
   all.rightCols(chain.size()) = chain.by_theta(line, of_line);
+  // A longer robot moves a point of its surface along the axis, a wider one across it, each by its
+  // part of the offset from the center.
   const Eigen::Vector3d along = place.axis * place.axis.dot(offset);
   const auto grow = [&](OwnParameter which, const Eigen::Vector3d& part, double factor) {
     const ViewingChain::Own& own = chain.own(which);
