@@ -11,8 +11,12 @@ local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 -- Goes to a place and looks while it is held; nothing where one of the cameras did not see it.
 local function look_at(rig, run, servo, place, p)
-  local went = pcall(servo.go_to, servo, place, { within = 0.8 * mm, settle = 0.5 * s, speed = 2 * mm / s, timeout = 20 * s })
-  if not went then return nil end
+  local how = { within = 0.8 * mm, settle = 0.5 * s, speed = 2 * mm / s, timeout = 20 * s }
+  local went, problem = pcall(function() servo:go_to(place, how) end)
+  if not went then
+    run:note("a place was not reached: " .. tostring(problem))
+    return nil
+  end
   local from = run:now()
   run:wait(p.listen)
   local look = chain.look(run, from)
@@ -46,7 +50,6 @@ local function judged(rig, run, looks, calibrated, name)
     all[i] = {
       ellipse = { u = look.u, v = look.v, semi_major = look.semi_major, semi_minor = look.semi_minor, angle = look.angle },
       axis = look.axis,
-      contour_sigma = 0.15,
       place = real_place(rig, run, look),
     }
   end
@@ -78,12 +81,14 @@ return {
     bring.insert(rig, servo, vector(0, 0, 0))
     bring.trim(servo, vector(0, 0, 0), { rounds = 1, within = 1 * mm })
     local space, looks, further = chain.workspace, {}, {}
-    for i, place in run:each(chain.places(rig, p.places + p.judged, space.reach, space.low, space.high), "place") do
+    local every, i = math.max(2, math.floor((p.places + p.judged) / p.judged)), 0
+    for place in run:each(chain.places(rig, p.places + p.judged, space.reach, space.low, space.high), "place") do
       run:checkpoint("before a place")
+      i = i + 1
       local look = look_at(rig, run, servo, place, p)
       if not look then
         run:note "a place was not seen by both cameras"
-      elseif i % math.max(2, math.floor((p.places + p.judged) / p.judged)) == 0 and #further < p.judged then
+      elseif i % every == 0 and #further < p.judged then
         further[#further + 1] = look
       else
         looks[#looks + 1] = look

@@ -32,13 +32,9 @@ local function flights(run, servo, places, p)
   for i, place in ipairs(places) do
     local pitch = p.pitch * math.sin(1.7 * i)
     local direction = vector(math.cos(pitch), 0, math.sin(pitch))
-    local went = pcall(servo.go_to, servo, place, {
-      within = 1 * mm,
-      settle = 0.3 * s,
-      speed = 2 * mm / s,
-      timeout = 20 * s,
-      direction = direction,
-    })
+    local how = { within = 1 * mm, settle = 0.3 * s, speed = 2 * mm / s, timeout = 20 * s, direction = direction }
+    local went, problem = pcall(function() servo:go_to(place, how) end)
+    if not went then run:note("a place was not reached: " .. tostring(problem)) end
     if went then
       local from = run:now()
       run:wait(0.3 * s)
@@ -93,7 +89,7 @@ return {
         semi_major = look.semi_major,
         semi_minor = look.semi_minor,
         angle = look.angle,
-      }, axis = look.axis, contour_sigma = 0.15 }
+      }, axis = look.axis, contour_sigma = chain.contour_sigma }
       return found and found.height_sigma or 0 / 0
     end)
     run:result("height_sigma_median", statistics.median(heights), "m")

@@ -19,6 +19,7 @@ constexpr double kLook_px = 0.05;
 /// rad: how a field holds the robot that is taken to lie along it.
 constexpr double kTakenAxis = 0.035;
 
+// The believed chain, its scale as a calibration has put it right.
 optics::NominalChain chain_of(const RigModel& model) {
   optics::NominalChain chain;
   chain.prescription = optics::prescription(model.eye_name);
@@ -29,6 +30,8 @@ optics::NominalChain chain_of(const RigModel& model) {
   return chain;
 }
 
+// What the rig file says of its own knowledge; where it says nothing of the eye, the eye counts as
+// known. Where lens and microscope stand is not among the rig's keys yet.
 optics::ChainSigmas sigmas_of(const RigModel& model) {
   constexpr double kRetinalDepth = 0.3e-3;  // m, by MRI (thesis 4.3)
   const ViewUncertainty& known = model.uncertainty;
@@ -43,6 +46,8 @@ optics::ChainSigmas sigmas_of(const RigModel& model) {
   return sigmas;
 }
 
+// What the look on the retina must have been, by the belief: the loop is told the scale that it
+// led to and not the look itself. An empty one where the retina's middle is not shown.
 vision::EllipseMeasurement outline_at(const optics::ViewingChain& chain,
                                       const optics::RobotPlace& place) {
   vision::EllipseMeasurement seen{};

@@ -37,6 +37,7 @@ Five thesis_information(const EllipseVector& ellipse) {
 }
 
 /// (J' W J)^-1 J' W; nothing when a direction is not observed.
+// Directions are compared by their information: 1e-10 of the best is no measurement but rounding.
 std::optional<Gain> gain_of(const Eigen::Matrix<double, 5, 3>& jacobian, const Five& weights) {
   constexpr double kUnobserved = 1e-10;
   const Eigen::Matrix3d information = jacobian.transpose() * weights * jacobian;
@@ -138,6 +139,8 @@ std::optional<PositionDoubt> position_doubt(const ChainBelief& belief, const Rob
   PositionDoubt doubt;
   doubt.by_theta = here->gain * here->shown.by_theta;
   doubt.noise = here->gain * here->noise * here->gain.transpose();
+  // What a filter may average is the tracker's; contour and axis stay for as long as the robot lies
+  // as it does.
   OutlineSeen alone = seen;
   alone.contour_sigma_px = 0;
   doubt.tracker = here->gain * smooth_covariance(alone) * here->gain.transpose();
@@ -173,6 +176,7 @@ std::optional<ChainBelief> scale_calibrated(const ChainBelief& before, const Sca
   const double by_pixel = of_z[pixel];
   if (!(std::abs(by_pixel) > 1e-9)) return std::nullopt;  // m per sigma
   if (look.on_retina) of_z += retina_derivative(before.chain, look.place.position.head<2>());
+  // Only the pixel's row changes: all other parameters are as unknown as before.
   Eigen::MatrixXd through = Eigen::MatrixXd::Identity(before.chain.size(), before.chain.size());
   through.row(pixel) -= of_z / by_pixel;
   const Eigen::RowVector<double, 5> noise = here->gain.row(2);

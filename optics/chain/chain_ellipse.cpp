@@ -9,7 +9,6 @@
 
 #include <array>
 #include <cmath>
-#include <numbers>
 
 namespace vitreo::optics {
 namespace detail {
@@ -49,6 +48,7 @@ namespace {
 constexpr int kOutlinePoints = 12;
 constexpr int kDifferentiated = 6;  // of them, each second
 
+// By the parameters; the chain's robot is the believed one.
 Spheroid true_size(const ViewingChain& chain) {
   const Spheroid& robot = chain.nominal().robot;
   return {robot.semi_axis * chain.placed().robot_length,
@@ -66,6 +66,7 @@ Eigen::Matrix<T, 5, 1> smooth_of(const detail::AffineCircle<T>& circle) {
   return smooth;
 }
 
+// Of both semi-axes alike, so it is in their mean and not in their difference.
 double dilation_at(const ViewingChain& chain, double z) {
   return chain.placed().dilation_px + chain.placed().dilation_slope * (z - detail::kDilationHeight);
 }
@@ -123,6 +124,7 @@ Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlac
                                       const Eigen::Vector3d& point, const LineDerivatives& line) {
   const Eigen::Vector3d offset = point - place.position;
   const Eigen::Matrix2d inverse = line.pixel_at(point.z()).inverse();
+  // dp = G^-1 (dP_xy - s dz), as in ViewingChain::seen().
   Eigen::Matrix<double, 2, 3> by_point;
   by_point << inverse, -inverse * line.line.tail<2>();
   Eigen::MatrixXd all(2, 5 + chain.size());
@@ -132,6 +134,8 @@ Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlac
   Eigen::Matrix<double, 2, 4> of_line;
   of_line << -inverse, -point.z() * inverse;
   all.rightCols(chain.size()) = chain.by_theta(line, of_line);
+  // A longer robot moves a point of its surface along the axis, a wider one across it, each by its
+  // part of the offset from the center.
   const Eigen::Vector3d along = place.axis * place.axis.dot(offset);
   const auto grow = [&](OwnParameter which, const Eigen::Vector3d& part, double factor) {
     const ViewingChain::Own& own = chain.own(which);
@@ -142,25 +146,39 @@ Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlac
   return all;
 }
 
-/// Through the outline's first harmonic, and from that to the smooth coordinates by Jets of its six
-/// numbers.
+/// What moves the outline along itself does not change it. Where the ellipse is the unit circle the
+/// outward part rho of the displacements is taken, and of that the harmonics that an ellipse can
+/// follow, as correct() has them:
+///   d center = S (a1, b1),  d S = S [p + s, t; t, p - s]
+/// with the means a1, b1 of 2 rho cos, 2 rho sin; p of rho; s, t of 2 rho cos2, 2 rho sin2. From
+/// that to the smooth coordinates by Jets of the six numbers.
 std::optional<Eigen::MatrixXd> ellipse_derivative(const ViewingChain& chain,
                                                   const RobotPlace& place,
                                                   const Eigen::Matrix<double, 3, 2>& across,
                                                   const Outlined& made) {
   const Eigen::Index columns = 5 + chain.size();
-  Eigen::MatrixXd harmonic = Eigen::MatrixXd::Zero(6, columns);  // center, shape's two columns
+  const Eigen::Matrix2d& S = made.circle.shape;
+  const Eigen::Matrix2d to_circle = S.inverse();
+  Eigen::MatrixXd means = Eigen::MatrixXd::Zero(5, columns);  // a1, b1, p, s, t
   for (int i = 0; i < kDifferentiated; ++i) {
     const std::size_t k = static_cast<std::size_t>(i) * (kOutlinePoints / kDifferentiated);
     const auto line = chain.differentiated_line(made.outline.pixels[k]);
     if (!line) return std::nullopt;
-    const Eigen::MatrixXd by =
+    const Eigen::Vector2d on_circle =
+        (to_circle * (made.outline.pixels[k] - made.circle.center)).normalized();
+    const Eigen::RowVectorXd rho =
+        (on_circle.transpose() * to_circle) *
         body_point_derivative(chain, place, across, made.outline.points[k], *line);
-    const double phase = 2 * std::numbers::pi * i / kDifferentiated;
-    harmonic.topRows<2>() += by / kDifferentiated;
-    harmonic.middleRows<2>(2) += by * (2 * std::cos(phase) / kDifferentiated);
-    harmonic.bottomRows<2>() += by * (2 * std::sin(phase) / kDifferentiated);
+    const double c = on_circle.x();
+    const double s = on_circle.y();
+    Eigen::Matrix<double, 5, 1> weights;
+    weights << 2 * c, 2 * s, 1, 2 * (c * c - s * s), 4 * c * s;
+    means += (weights / kDifferentiated) * rho;
   }
+  Eigen::MatrixXd harmonic(6, columns);  // of center, and of S column by column
+  harmonic.topRows<2>() = S * means.topRows<2>();
+  harmonic.middleRows<2>(2) = S.col(0) * (means.row(2) + means.row(3)) + S.col(1) * means.row(4);
+  harmonic.bottomRows<2>() = S.col(0) * means.row(4) + S.col(1) * (means.row(2) - means.row(3));
   using Jet = ceres::Jet<double, 6>;
   detail::AffineCircle<Jet> circle;
   circle.center = {Jet(made.circle.center.x(), 0), Jet(made.circle.center.y(), 1)};

@@ -37,6 +37,8 @@ std::size_t last_of_eye(const std::vector<Surface>& surfaces) {
 
 }  // namespace
 
+// The surfaces with their own numbers off, and all other parameters by name; one that is not among
+// the chain's parameters is 0.
 struct ChainLayout::Values {
   std::vector<Surface> surfaces;
   std::map<std::string, double> own;
@@ -59,6 +61,7 @@ ChainLayout::ChainLayout(const NominalChain& nominal, const std::vector<ChainPar
   for (const ChainParameter& one : parameters) find(one);
 }
 
+// A parameter is a surface's radius, a medium's thickness or index, or one of the chain's own.
 void ChainLayout::find(const ChainParameter& parameter) {
   Target target{Kind::own, 0, parameter.sigma, parameter.name};
   const Prescription& eye = nominal_.prescription;
@@ -73,6 +76,8 @@ void ChainLayout::find(const ChainParameter& parameter) {
   targets_.push_back(target);
 }
 
+// Table 5.1's are relative, so they multiply. A thickness moves all that lies behind it, as in a
+// prescription: the microscope stands on the same bench as the eye.
 void ChainLayout::set(Values& values, const Target& target, double off) const {
   Surface& surface = values.surfaces[target.surface];
   switch (target.kind) {
@@ -102,6 +107,7 @@ void ChainLayout::place_surfaces(const Values& values, PlacedChain& placed) cons
   const Eigen::Matrix3d lens = turned_about(values["lens_tilt_x"], values["lens_tilt_y"]);
   const Eigen::Vector3d lens_aside(values["lens_aside_x"], values["lens_aside_y"],
                                    values["lens_axial"]);
+  // Vertices along the axis first; then each group moves as a rigid body.
   double z = all.front().thickness + values["axial_length"];
   Eigen::Vector3d inner_vertex(0, 0, z);
   Eigen::Vector3d lens_vertex(0, 0, z);
@@ -109,6 +115,7 @@ void ChainLayout::place_surfaces(const Values& values, PlacedChain& placed) cons
     Placement at{{0, 0, z}, {0, 0, 1}};
     if (i == first_outside_) lens_vertex = at.vertex;
     if (i < first_outside_) {
+      // About the vertex of the first refracting surface, so that a tilt is not a shift as well.
       if (inner_lens_[i]) {
         at.turn(inner, inner_vertex);
         at.vertex += inner_aside;
@@ -135,6 +142,7 @@ void ChainLayout::place_surfaces(const Values& values, PlacedChain& placed) cons
 
 PlacedChain ChainLayout::place(const Eigen::VectorXd& theta) const {
   Values values{surfaces(), {}};
+  // Linear in theta but for radii, whose curvature is 1 / R, and for turns.
   for (std::size_t i = 0; i < targets_.size(); ++i)
     set(values, targets_[i], targets_[i].sigma * theta[static_cast<Eigen::Index>(i)]);
   PlacedChain placed;

@@ -9,6 +9,8 @@
 namespace vitreo::optics {
 namespace {
 
+// One row for each kind of parameter: its name in reports, and the sigma that it is given by. Two
+// rows share the robot's size, as its length and width are measured with the same microscope.
 struct NamedSigma {
   const char* name;
   const char* unit;
@@ -43,12 +45,14 @@ constexpr NamedSigma kSigmas[] = {
 
 }  // namespace
 
+// An infinite sigma would leave theta without a meaning: it counts in sigmas.
 void ChainSigmas::check() const {
   for (const NamedSigma& one : kSigmas)
     if (!(this->*one.sigma >= 0 && std::isfinite(this->*one.sigma)))
       throw std::invalid_argument(std::string(one.name) + ": its sigma must not be negative");
 }
 
+// The start of a chain in which only some things are uncertain.
 ChainSigmas ChainSigmas::none() {
   ChainSigmas sigmas;
   sigmas.eye.clear();
@@ -56,6 +60,7 @@ ChainSigmas ChainSigmas::none() {
   return sigmas;
 }
 
+// The eye's come first, which ViewingChain::eye_size() and the split of an uncertainty rest on.
 std::vector<ChainParameter> chain_parameters(const NominalChain& nominal,
                                              const ChainSigmas& sigmas) {
   sigmas.check();

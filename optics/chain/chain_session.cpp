@@ -15,16 +15,21 @@ namespace {
 using Root = Eigen::Matrix<double, 5, 5>;
 
 /// W with W' W = C^-1.
+// From the Cholesky factor C = L L', W = L^-1. Refused by name where the tracker gave a covariance
+// that has no inverse.
 Root inverse_root(const Root& covariance) {
   const Eigen::LLT<Root> factor(covariance);
   detail::require(factor.info() == Eigen::Success, "covariance: must be positive definite");
   return factor.matrixL().solve(Root::Identity());
 }
 
+// To first order a rotation vector along the directions across; renormalized, so that twenty
+// degrees of pitch are still a unit vector.
 Eigen::Vector3d turned_axis(const Eigen::Vector3d& axis, const Eigen::Vector2d& turned) {
   return (axis + directions_across(axis) * turned).normalized();
 }
 
+// Five numbers of the ellipse and two of the axis, then what else is known of the place.
 Eigen::Index rows_of(const ChainLook& look) {
   Eigen::Index rows = 7;  // ellipse and axis
   if (look.contact_sigma > 0) ++rows;
@@ -43,6 +48,8 @@ void add_knowledge(const ViewingChain& chain, const ChainLook& look,
         (position.z() - look.lying_height - nominal_retina(chain, at) - retina_offset(chain, at)) /
         look.contact_sigma;
     if (derivatives) {
+      // The retina's slope, by differences: it is 0.3 at 4 mm from the axis, so a landing there
+      // ties height and place.
       constexpr double kAside = 1e-6;  // m
       for (int i = 0; i < 2; ++i) {
         const Eigen::Vector2d step = kAside * Eigen::Vector2d::Unit(i);
@@ -82,6 +89,7 @@ std::optional<Eigen::Vector3d> place_by_size(const ViewingChain& chain,
   double low = kNearest;
   double high = kFarthest;
   for (int i = 0; i < kHalvings; ++i) {
+    // The size grows towards the lens; where the chain shows nothing, it is beyond.
     const double middle = (low + high) / 2;
     const auto shown = shown_ellipse(chain, {on_line(middle), axis, center});
     (shown && (*shown)[2] < wanted[2] ? low : high) = middle;
@@ -126,6 +134,8 @@ std::optional<ChainBlock> block_of(const ViewingChain& chain, const ChainLook& l
     block.by_theta = Eigen::MatrixXd::Zero(rows, chain.size());
     block.by_own.topLeftCorner<5, 3>() = root * shown->by_position;
     // The directions across the turned axis are those across the believed one, to first order.
+    // They are as the ellipse counts them, about the turned axis; the unknowns count about the
+    // believed one.
     const Eigen::Matrix2d same = shown->across.transpose() * directions_across(look.axis);
     block.by_own.block<5, 2>(0, 3) = root * shown->by_axis * same;
     block.by_theta.topRows<5>() = root * shown->by_theta;
@@ -150,6 +160,7 @@ std::optional<ChainBlock> block_of(const ViewingChain& chain, const ChainLandmar
   if (!seen) return std::nullopt;
   ChainBlock block;
   block.residuals.resize(4);
+  // Two rows by the picture of now, two by the picture of the fundus.
   block.residuals << (seen->pixel_px - landmark.pixel_px) / landmark.sigma_px,
       (place - landmark.place) / landmark.place_sigma;
   constexpr double kAside = 1e-6;  // m
@@ -166,6 +177,7 @@ std::optional<ChainBlock> block_of(const ViewingChain& chain, const ChainLandmar
   const Eigen::Vector3d center(0, 0, chain.nominal().prescription.system.surfaces.front().radius);
   const Eigen::RowVectorXd depth = retina_derivative(chain, place);
   const Eigen::Matrix<double, 2, 3> by_point = seen->by_position / landmark.sigma_px;
+  // A point of the retina moves with its depth and with the eye; the lenses' part is in seen().
   block.by_theta.topRows<2>() += by_point.col(2) * depth;
   const auto turn = [&](OwnParameter which, const Eigen::Vector3d& about) {
     const ViewingChain::Own& own = chain.own(which);
@@ -177,6 +189,7 @@ std::optional<ChainBlock> block_of(const ViewingChain& chain, const ChainLandmar
   return block;
 }
 
+// theta counts in sigmas, the number in the parameter's own unit.
 ChainBlock block_of(const ViewingChain& chain, const ChainNumber& number) {
   detail::require_positive(number.sigma, "numbers: sigma");
   const Eigen::Index i = index_of(chain.parameters(), number.parameter);
@@ -191,6 +204,7 @@ ChainBlock block_of(const ViewingChain& chain, const ChainNumber& number) {
 }
 
 Eigen::MatrixXd information_of(const ChainBlock& block) {
+  // Without unknowns of its own a block says all it has.
   Eigen::MatrixXd information = block.by_theta.transpose() * block.by_theta;
   if (block.by_own.cols() == 0) return information;
   const Eigen::MatrixXd cross = block.by_own.transpose() * block.by_theta;
@@ -222,6 +236,7 @@ std::optional<Eigen::Vector3d> locate_in_chain(const ViewingChain& chain, const 
     Eigen::Vector3d move =
         -(jacobian.transpose() * jacobian).ldlt().solve(jacobian.transpose() * residual);
     if (!move.allFinite()) return std::nullopt;
+    // Near the retina's rim the projection bends; a whole step may leave it.
     for (int halving = 0; halving < 10; ++halving, move /= 2) {
       const auto there = shown_ellipse(chain, {position + move, axis, center});
       if (there && (root * (*there - wanted)).squaredNorm() <= residual.squaredNorm() + 1e-9) break;

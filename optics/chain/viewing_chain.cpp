@@ -35,6 +35,7 @@ Eigen::Vector2d image_point(const ImageScale& image, const Eigen::Vector2d& pixe
   return {image.center_px.x() - pixel_px.x(), pixel_px.y() - image.center_px.y()};
 }
 
+// Variables of a step: its seven numbers, counted from kFirst on.
 template <class Jet, int kFirst>
 Eigen::Matrix<Jet, kNumbers, 1> jets_of(const Eigen::Matrix<double, kNumbers, 1>& numbers) {
   Eigen::Matrix<Jet, kNumbers, 1> jets;
@@ -161,6 +162,7 @@ std::optional<Eigen::Vector2d> ViewingChain::pixel(const Eigen::Vector3d& point,
   const Eigen::Matrix2d inverse = near.pixel_at(z).inverse();
   Eigen::Vector2d pixel_px = near_px + inverse * (point.head<2>() - near.at(z));
   for (int step = 0; step < kSteps; ++step) {
+    // A pixel that runs away belongs to a fold of the map, or to no line at all.
     if (!((pixel_px - near_px).norm() < kFar)) return std::nullopt;
     const auto there = line(pixel_px);
     if (!there) return std::nullopt;

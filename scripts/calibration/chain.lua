@@ -6,6 +6,9 @@ local units = require "units"
 local um, mm = units.um, units.mm
 local chain = {}
 
+--- px, of each semi-axis: how far the outline of crossed plates is from an ellipsoid's, beside what is common to all.
+chain.contour_sigma = 0.15
+
 --- The rig's chain as it is believed, with `uncertainty` as optical_system:viewing_chain takes it.
 function chain.believed(rig, uncertainty)
   local model = rig:model()
@@ -52,6 +55,7 @@ function chain.look(run, from, frame_sigma)
     semi_minor = seen.semi_minor_px,
     angle = seen.angle,
     sigma = math.max(0.05, (frame_sigma or 0.2) / math.sqrt(seen.count)),
+    contour_sigma = chain.contour_sigma,
     axis = vector(axis.axis_x, axis.axis_y, axis.axis_z),
   }
 end
@@ -128,7 +132,7 @@ end
 function chain.judge(calibrated, looks)
   local depth, aside, within, fits = {}, {}, 0, 0
   for _, one in ipairs(looks) do
-    local found = calibrated:locate { ellipse = one.ellipse, axis = one.axis, contour_sigma = one.contour_sigma }
+    local found = calibrated:locate { ellipse = one.ellipse, axis = one.axis, contour_sigma = chain.contour_sigma }
     if found then
       local error = found.position - one.place
       depth[#depth + 1], aside[#aside + 1] = math.abs(error.z), math.abs(error.x)

@@ -20,6 +20,7 @@ namespace {
 
 using chain_calls::Chain;
 
+// Chains are values: no call changes one, a calibration returns another.
 Chain& chain_of(const Call& call) { return call.self<Chain>(); }
 
 /// The chain is placed and differentiated here; a calibration makes another one.
@@ -45,6 +46,8 @@ int make_chain(Call& call) {
   return 1;
 }
 
+// In the parameter's own unit, though theta counts in sigmas: a person compares them with what was
+// measured. `learned` is 1 - posterior / prior variance.
 int parameters(Call& call) {
   const optics::ChainBelief& belief = chain_of(call).belief;
   const auto& all = belief.chain.parameters();
@@ -60,6 +63,7 @@ int parameters(Call& call) {
   });
 }
 
+// By the most probable parameters, nominal or calibrated; the forward way of locate.
 int shown(Call& call) {
   const Chain& chain = chain_of(call);
   const OptionTable how(call, 0);
@@ -77,6 +81,8 @@ int shown(Call& call) {
   return 1;
 }
 
+// One frame takes a tenth of a millisecond to judge and a few to find: no worker is needed. The
+// axis' usual doubt is two degrees, how a field holds a soft robot.
 int locate_in(Call& call) {
   const Chain& chain = chain_of(call);
   const OptionTable how(call, 0);
@@ -96,6 +102,9 @@ int locate_in(Call& call) {
   return chain_calls::push_position(call, *position, position->z() - retina, *doubt);
 }
 
+// Seconds for a long session, so it runs as a calculation that a stop ends. Copies of chain and
+// session go with it, since the script's handles may be gone before it ends. A calibration always
+// begins from what was known before any: measurements of two sessions are given together.
 int calibrate_chain(Call& call) {
   const Chain before = chain_of(call);
   const optics::ChainSession session = chain_calls::session_options(call);
@@ -129,6 +138,7 @@ int calibrate_chain(Call& call) {
       });
 }
 
+// What is left now is stated beside the plan: a plan that gains nothing says so.
 int next_measurement(Call& call) {
   const Chain& chain = chain_of(call);
   const std::string goal = call.text_option("goal").value_or("height");
@@ -146,6 +156,7 @@ int next_measurement(Call& call) {
   return 1;
 }
 
+// As localizer:ellipse and the servo's record have it: semi-axes in pixels.
 Argument of_ellipse() {
   const auto number = [](const char* name, const char* unit, bool optional, const char* help,
                          double min) {
@@ -172,12 +183,15 @@ Argument of_ellipse() {
                        .help = "25 numbers, row by row, instead of sigma"}}};
 }
 
+// Fewer starts than five are for comparison: a twin solution may be taken for the only one.
 std::vector<Argument> calibrate_options() {
   std::vector<Argument> options = chain_calls::session_arguments();
   options.push_back(number_option("starts", "", 1, 5, "from turned eyes (5)"));
   return options;
 }
 
+// `touched` says where the height counts from; the middle of the retina unless a script says
+// otherwise.
 Binding locate_in_row() {
   return {"locate",
           {options_of({of_ellipse(),
@@ -199,6 +213,7 @@ Binding locate_in_row() {
 
 }  // namespace
 
+// The body is the chain's: its size is one of the parameters.
 std::vector<Binding> system_chain_rows() {
   return {{"viewing_chain",
            {options_of({microscope_argument(),

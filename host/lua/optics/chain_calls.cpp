@@ -12,6 +12,8 @@
 namespace vitreo::lua::chain_calls {
 namespace {
 
+// Keys of the option `uncertainty`, each with its bound: far above what a bench can be off by, so
+// that a number in mm in place of m is refused.
 struct SigmaKey {
   const char* name;
   const char* unit;
@@ -48,6 +50,8 @@ constexpr SigmaKey kSigmaKeys[] = {
 };
 
 /// Calls read(entry, where) for each table of the list option `name`.
+// An entry with a key that is not known is refused with its number and the nearest key: a look
+// whose `contact_sigma` was misspelled would be a frame of free flight.
 template <class Read>
 void each_entry(const Call& call, const char* name, const std::vector<std::string>& known,
                 const Read& read) {
@@ -66,12 +70,14 @@ void each_entry(const Call& call, const char* name, const std::vector<std::strin
   lua_pop(call.L, 1);
 }
 
+// Without a number there is no measurement; 0 would be one.
 double wanted(const OptionTable& entry, const char* name, const std::string& where) {
   if (const auto value = entry.number(name)) return *value;
   throw std::invalid_argument(where + name + " is missing");
 }
 
 /// Semi-axes and angle as localizer:ellipse has them.
+// The angle of a nearly round ellipse is noise: sigma / (a - b), with a - b not below a pixel.
 optics::OutlineSeen outline_at(const OptionTable& entry, const std::string& where) {
   const double sigma = entry.number("sigma").value_or(0.2);
   optics::OutlineSeen seen;
@@ -82,6 +88,7 @@ optics::OutlineSeen outline_at(const OptionTable& entry, const std::string& wher
   seen.covariance = sigma * sigma * optics::EllipseCovariance::Identity();
   seen.covariance(4, 4) = sigma * sigma / (difference * difference);
   seen.axis_sigma = entry.number("axis_sigma").value_or(0.035);
+  seen.contour_sigma_px = std::max(0.0, entry.number("contour_sigma").value_or(0));
   if (!(sigma > 0) || !(seen.axis_sigma > 0))
     throw std::invalid_argument(where + "sigma and axis_sigma must be above 0");
   if (!(seen.ellipse[3] > 0 && seen.ellipse[2] >= seen.ellipse[3]))
@@ -89,6 +96,7 @@ optics::OutlineSeen outline_at(const OptionTable& entry, const std::string& wher
   return seen;
 }
 
+// A look is what is known of it: contact and position may both be given.
 optics::ChainLook look_at(const OptionTable& entry, const std::string& where) {
   optics::ChainLook look;
   look.seen = outline_at(entry, where);
@@ -108,6 +116,8 @@ optics::ChainLook look_at(const OptionTable& entry, const std::string& where) {
   return look;
 }
 
+// Roots of the diagonal, with the sign of the share: where two parts were measured only together,
+// one makes up for the other.
 Eigen::Vector3d sigma_of(const Eigen::Matrix3d& share) {
   return share.diagonal().array().sign() * share.diagonal().array().abs().sqrt();
 }
@@ -130,6 +140,7 @@ Argument uncertainty_argument() {
 }
 
 optics::ChainSigmas sigmas_option(const Call& call) {
+  // An eye that is "known" has no parameters of table 5.1; the bench's own stay.
   optics::ChainSigmas sigmas;
   if (call.push_option("uncertainty")) {
     const OptionTable table(call.L, lua_gettop(call.L));
@@ -141,6 +152,7 @@ optics::ChainSigmas sigmas_option(const Call& call) {
   return sigmas;
 }
 
+// Lists of tables, checked entry by entry when they are read.
 std::vector<Argument> session_arguments() {
   const auto list = [](const char* name, const char* help) {
     return Argument{.name = name, .type = Type::list, .optional = true, .help = help};
@@ -148,7 +160,8 @@ std::vector<Argument> session_arguments() {
   return {
       list("looks",
            "{{u = , v = , semi_major = , semi_minor = , angle = , sigma = 0.2, axis = , axis_sigma "
-           "= 0.035, contact_sigma = , lying_height = , position = , position_sigma = }, ...}: "
+           "= 0.035, contour_sigma = 0, contact_sigma = , lying_height = , position = , "
+           "position_sigma = }, ...}: "
            "pictures of the robot; with contact_sigma it lies on the retina, with position it was "
            "measured (a sigma of 0: not in that direction)"),
       list("landmarks",
@@ -162,7 +175,7 @@ optics::ChainSession session_options(const Call& call) {
   optics::ChainSession session;
   each_entry(call, "looks",
              {"u", "v", "semi_major", "semi_minor", "angle", "sigma", "axis", "axis_sigma",
-              "contact_sigma", "lying_height", "position", "position_sigma"},
+              "contour_sigma", "contact_sigma", "lying_height", "position", "position_sigma"},
              [&](const OptionTable& entry, const std::string& where) {
                session.looks.push_back(look_at(entry, where));
              });
@@ -208,6 +221,7 @@ std::vector<ResultField> position_fields() {
           {"status", "", "found, or misfit: no place explains the ellipse"}};
 }
 
+// A misfit has a position all the same: the one nearest to what was seen, for a look at it.
 int push_position(const Call& call, const Eigen::Vector3d& position, double height,
                   const optics::PositionDoubt& doubt) {
   ResultTable(call)
