@@ -77,6 +77,8 @@ check-scripts: $(STYLUA)/node_modules ## luacheck, with the names that scripts c
 	node cmake/format_scripts.cjs $(CURDIR)/$(STYLUA) --check $(SCRIPTS)
 format-scripts: $(STYLUA)/node_modules ## lay out the Lua scripts with StyLua
 	node cmake/format_scripts.cjs $(CURDIR)/$(STYLUA) $(SCRIPTS)
+docs:            ## the docs as a site with search, to be read without a network: build/docs/index.html
+	python3 cmake/docs_site.py . build/docs
 reference:       ## print docs/api.md and the golden help texts anew from the program
 	sh tests/program/print_golden.sh $(BUILD)/vitreo
 

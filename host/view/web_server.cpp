@@ -439,7 +439,7 @@ Response WebServer::State::answer(const Request& request) {
     if (asset.gzip) response.set(http::field::content_encoding, "gzip");
     return response;
   }
-  const std::string made = callbacks.document ? callbacks.document(path) : "";
+  const std::string made = call.document ? call.document(path) : "";
   if (made.empty()) return reply(http::status::not_found, "there is no such page\n");
   Response response = reply(http::status::ok, made);
   response.set(http::field::content_type, "text/html; charset=utf-8");
