@@ -58,8 +58,8 @@ void conclude(CurveFit& fit, const CurveSamples& samples, const Eigen::MatrixXd&
 }
 
 /// Residuals of the curve in scaled parameters, by the sigmas or by the spread of y: the solver's
-/// tolerances are for numbers about 1. What the curve throws must not pass through Ceres: it is kept,
-/// and the fit ends at once, for nothing is left to be minimized.
+/// tolerances are for numbers about 1. What the curve throws must not pass through Ceres: it is
+/// kept, and the fit ends at once, for nothing is left to be minimized.
 struct Residuals {
   const Curve& curve;
   const CurveSamples& samples;
@@ -197,10 +197,10 @@ CurveFit fit_exponential(const CurveSamples& samples) {
   // Fitted at the first x, where e^0 is 1, and brought to x = 0 afterwards.
   CurveSamples shifted = samples;
   for (double& x : shifted.x) x -= start;
-  CurveFit fit = fit_curve(
-      [](const Eigen::VectorXd& p, double x) { return p[0] * std::exp(p[1] * x) + p[2]; }, shifted,
-      Eigen::Vector3d(guess.parameters[1], rate, guess.parameters[0]),
-      Eigen::Vector3d(size, 1 / (high - low), size));
+  CurveFit fit =
+      fit_curve([](const Eigen::VectorXd& p, double x) { return p[0] * std::exp(p[1] * x) + p[2]; },
+                shifted, Eigen::Vector3d(guess.parameters[1], rate, guess.parameters[0]),
+                Eigen::Vector3d(size, 1 / (high - low), size));
   const double factor = std::exp(-fit.parameters[1] * start);
   Eigen::Matrix3d back = Eigen::Matrix3d::Identity();
   back(0, 0) = factor;
@@ -234,7 +234,8 @@ CurveFit fit_gaussian(const CurveSamples& samples) {
   }
   constexpr double kRootTwoPi = 2.5066282746310002;
   const double size = std::max(std::fabs(amplitude), std::numeric_limits<double>::min());
-  const double width = std::clamp(std::fabs(area) / (size * kRootTwoPi), (high - low) / 1000, high - low);
+  const double width =
+      std::clamp(std::fabs(area) / (size * kRootTwoPi), (high - low) / 1000, high - low);
   CurveFit fit = fit_curve(
       [](const Eigen::VectorXd& p, double x) {
         const double t = (x - p[1]) / p[2];

@@ -27,7 +27,7 @@ struct CurveFit {
   Eigen::MatrixXd covariance;
   double chi_square = 0;  // sum of ((y - curve) / sigma)^2; with sigma 1 where it is not known
   int degrees_of_freedom = 0;
-  double rms = 0;               // of y - curve
+  double rms = 0;                // of y - curve
   std::vector<double> fitted{};  // the curve at each x
 
   double sigma(int parameter) const;

@@ -41,8 +41,8 @@ struct Ticks {
   int exponent = 0;
 };
 Ticks make_ticks(const Range& range, double step);
-/// Of a range of base-10 logarithms: each decade, or 1, 2 and 5 of each where there are few; at most
-/// `wanted` of them or so.
+/// Of a range of base-10 logarithms: each decade, or 1, 2 and 5 of each where there are few; at
+/// most `wanted` of them or so.
 Ticks make_decades(const Range& range, double wanted);
 
 /// "error (µm)", "error (10⁻⁶ T)".

@@ -32,7 +32,8 @@ double factor_of(const Axis& axis) {
   return unit->factor;
 }
 
-/// The decades of a logarithmic axis: as positions along it, what is not positive being no position.
+/// The decades of a logarithmic axis: as positions along it, what is not positive being no
+/// position.
 void take_logarithms(const Plot& plot, std::vector<Stroke>& strokes) {
   if (!plot.x.logarithmic && !plot.y.logarithmic) return;
   std::vector<Stroke> taken;
@@ -147,10 +148,10 @@ void choose_ticks(Drawing& drawing) {
   if (counts_along_x(drawing)) x_step = std::max(x_step, 1.0);
   const bool log_x = drawing.plot.x.logarithmic, log_y = drawing.plot.y.logarithmic;
   if (!drawing.plot.equal_aspect && !log_x) drawing.x = snapped(drawing.x, x_step);
-  drawing.x_ticks = log_x ? make_decades(drawing.x, drawing.box.width / 60)
-                          : make_ticks(drawing.x, x_step);
-  drawing.y_ticks = log_y ? make_decades(drawing.y, drawing.box.height / 32)
-                          : make_ticks(drawing.y, y_step);
+  drawing.x_ticks =
+      log_x ? make_decades(drawing.x, drawing.box.width / 60) : make_ticks(drawing.x, x_step);
+  drawing.y_ticks =
+      log_y ? make_decades(drawing.y, drawing.box.height / 32) : make_ticks(drawing.y, y_step);
 }
 
 /// Room for tick labels, the axis' title and the note.

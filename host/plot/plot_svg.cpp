@@ -27,8 +27,8 @@ std::string grid_svg(const Drawing& drawing) {
   }
   for (double tick : drawing.y_ticks.at) {
     const double y = crisp(drawing.py(tick));
-    const bool zero = tick == 0 && drawing.y.low < 0 && !drawing.plot.equal_aspect &&
-                      !drawing.plot.y.logarithmic;
+    const bool zero =
+        tick == 0 && drawing.y.low < 0 && !drawing.plot.equal_aspect && !drawing.plot.y.logarithmic;
     svg += line_svg(box.left, y, box.right(), y, zero ? kZero : kGrid);
   }
   return svg;
@@ -121,7 +121,9 @@ std::string data_svg(const Drawing& drawing) {
       for (PlotPoint& point : stroke) point = {drawing.px(point.x), drawing.py(point.y)};
     }
     const Pen& pen = drawing.pens[i];
-    (pen.mark == Mark::points ? points : pen.mark == Mark::dashed ? dashed : lines) +=
+    (pen.mark == Mark::points   ? points
+     : pen.mark == Mark::dashed ? dashed
+                                : lines) +=
         fmt::format("<g data-series=\"{}\">{}{}</g>", i,
                     bars_svg(bars_of(drawing, drawing.plot.series[i]), pen),
                     series_svg(pixels, pen));
@@ -129,8 +131,8 @@ std::string data_svg(const Drawing& drawing) {
   return points + lines + dashed;
 }
 
-/// A band within the box, its edges dashed; its words at the right, above the upper edge where there
-/// is room.
+/// A band within the box, its edges dashed; its words at the right, above the upper edge where
+/// there is room.
 std::string expected_svg(const Drawing& drawing) {
   constexpr const char* kBand = "#E9DFCB";
   constexpr const char* kEdge = "#8F5A00";
@@ -174,9 +176,9 @@ std::string annotations_svg(const Drawing& drawing) {
       svg += text_svg(at, std::clamp(y - 6, box.top + 9, box.bottom() - 3), one.text, style);
       continue;
     }
-    svg += fmt::format(
-        "<path d=\"M{:.1f} {:.1f}V{:.1f}\" stroke=\"{}\" stroke-dasharray=\"1.5 3\"/>", x, box.top,
-        box.bottom(), kSoftInk);
+    svg +=
+        fmt::format("<path d=\"M{:.1f} {:.1f}V{:.1f}\" stroke=\"{}\" stroke-dasharray=\"1.5 3\"/>",
+                    x, box.top, box.bottom(), kSoftInk);
     svg += text_svg(at, box.top + 10, one.text, style);
   }
   return svg;
@@ -192,7 +194,7 @@ std::string to_svg(const Plot& plot, int width, int height) {
                     fitted(plot.title, 13.5, drawing.width - drawing.box.left - 12),
                     {13.5, "start", kInk, " font-weight=\"600\""});
   }
-  if (!drawing.empty) // What the report's script draws anew when it zooms.
+  if (!drawing.empty)  // What the report's script draws anew when it zooms.
     svg += "<g data-fixed=\"\">" + expected_svg(drawing) + grid_svg(drawing) + axes_svg(drawing) +
            annotations_svg(drawing) + "</g>";
   if (drawing.empty) {

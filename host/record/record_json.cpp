@@ -45,9 +45,8 @@ void read_expected(const nlohmann::json& json, Plot& plot) {
     plot.expected.push_back({one.at("label").get<std::string>(), end_of(one.at("low"), -kInfinity),
                              end_of(one.at("high"), kInfinity)});
   for (const nlohmann::json& one : json.value("annotations", nlohmann::json::array()))
-    plot.annotations.push_back(
-        {one.at("text").get<std::string>(), one.at("x").get<double>(),
-         end_of(one.at("y"), std::numeric_limits<double>::quiet_NaN())});
+    plot.annotations.push_back({one.at("text").get<std::string>(), one.at("x").get<double>(),
+                                end_of(one.at("y"), std::numeric_limits<double>::quiet_NaN())});
 }
 
 }  // namespace
@@ -59,8 +58,7 @@ std::string dumped(const nlohmann::json& json) {
 
 nlohmann::json plot_json(const Plot& plot) {
   nlohmann::json series = nlohmann::json::array();
-  for (const Series& one : plot.series)
-    series.push_back(series_json(one));
+  for (const Series& one : plot.series) series.push_back(series_json(one));
   const auto axis = [](const Axis& one) {
     nlohmann::json json{{"label", one.label}, {"unit", one.unit}};
     if (one.logarithmic) json["logarithmic"] = true;

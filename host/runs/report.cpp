@@ -273,8 +273,8 @@ std::string report_table(const Table& written) {
     if (!kind.empty()) kinds[i] = " class=\"" + kind.substr(0, kind.size() - 1) + "\"";
   }
   const auto cell = [&](const char* tag, const std::string& text, std::size_t column) {
-    const bool verdict = tag[1] == 'd' && column < table.header.size() &&
-                         table.header[column] == "verdict";
+    const bool verdict =
+        tag[1] == 'd' && column < table.header.size() && table.header[column] == "verdict";
     return fmt::format("<{0}{1}>{2}</{0}>", tag, kinds[column],
                        verdict ? verdict_html(text) : escape_markup(with_print_units(text)));
   };

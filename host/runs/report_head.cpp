@@ -205,8 +205,8 @@ std::string report_head(const RunData& data) {
   const std::vector<ShownResult> results = shown_results(data.results);
   const std::string folder = data.folder.filename().string();
   std::string out = "<p class=\"top\"><span>Vitreo report</span>";
-  for (const std::string& text : {when(folder), start.operator_name,
-                                  start.protocol_title.empty() ? "" : start.protocol_file})
+  for (const std::string& text :
+       {when(folder), start.operator_name, start.protocol_title.empty() ? "" : start.protocol_file})
     if (!text.empty()) out += "<span>" + escape_markup(text) + "</span>";
   out += "<span class=\"run\">" + escape_markup(folder) + "</span></p>\n<header><h1>" +
          escape_markup(sentence_of(data, results)) + "</h1>" + badge(end);

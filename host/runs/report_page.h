@@ -8,8 +8,8 @@
 
 namespace vitreo {
 
-/// The HTML document, with {{title}}, {{style}}, {{script_hash}}, {{sections}}, {{run}} and {{script}}
-/// where the run's own parts go.
+/// The HTML document, with {{title}}, {{style}}, {{script_hash}}, {{sections}}, {{run}} and
+/// {{script}} where the run's own parts go.
 std::string_view report_page();
 /// The style sheet, for screen and paper.
 std::string_view report_style();

@@ -42,7 +42,8 @@ nlohmann::json reading_of(const Drawing& drawing) {
           {"x", {drawing.x.low, drawing.x.high}},
           {"y", {drawing.y.low, drawing.y.high}},
           {"log", {plot.x.logarithmic, plot.y.logarithmic}},
-          {"labels", {axis_title(plot.x.label, plot.x.unit, 0), axis_title(plot.y.label, plot.y.unit, 0)}},
+          {"labels",
+           {axis_title(plot.x.label, plot.x.unit, 0), axis_title(plot.y.label, plot.y.unit, 0)}},
           {"equal", plot.equal_aspect},
           {"names", names},
           {"pens", pens},
@@ -59,14 +60,16 @@ std::string file_name_of(const std::string& title) {
 std::string plot_figure(const Plot& plot, int width, int height) {
   const char* wide = width == kWholeWidth ? " class=\"wide\"" : "";
   const Drawing drawing = lay_out_plot(plot, width, height);
-  if (drawing.empty) return fmt::format("<figure{}>{}</figure>\n", wide, to_svg(plot, width, height));
+  if (drawing.empty)
+    return fmt::format("<figure{}>{}</figure>\n", wide, to_svg(plot, width, height));
   const std::string csv = plot_csv(plot);
   const std::vector<unsigned char> bytes(csv.begin(), csv.end());
   const std::string reading =
       reading_of(drawing).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   return fmt::format(
       "<figure{} data-plot=\"{}\">{}<figcaption><a download=\"{}\" "
-      "href=\"data:text/csv;base64,{}\">Data (CSV)</a> <span class=\"how\" hidden=\"\">drag: zoom \u00b7 "
+      "href=\"data:text/csv;base64,{}\">Data (CSV)</a> <span class=\"how\" hidden=\"\">drag: zoom "
+      "\u00b7 "
       "double click: all \u00b7 click a name: off and on</span></figcaption></figure>\n",
       wide, escape_markup(reading), to_svg(plot, width, height), file_name_of(plot.title),
       base64(bytes));
@@ -122,7 +125,8 @@ std::string report_plots(const RunData& data) {
   for (std::size_t i = 0; i < plots.size();) {
     const bool paired = i + 1 < plots.size() && plots[i].equal_aspect == plots[i + 1].equal_aspect;
     const int height = std::max(figure_height(plots[i]), paired ? figure_height(plots[i + 1]) : 0);
-    out += plot_figure(plots[i], paired || plots[i].equal_aspect ? kHalfWidth : kWholeWidth, height);
+    out +=
+        plot_figure(plots[i], paired || plots[i].equal_aspect ? kHalfWidth : kWholeWidth, height);
     if (paired) out += plot_figure(plots[i + 1], kHalfWidth, height);
     if (!paired && plots[i].equal_aspect) out += "<figure></figure>\n";  // keeps the next row a row
     i += paired ? 2 : 1;

@@ -39,10 +39,12 @@ Graphics graphics_of_terminal() {
   if (!between && (!environment("KITTY_WINDOW_ID").empty() || term == "xterm-ghostty" ||
                    program == "WezTerm" || program == "ghostty"))
     return Graphics::kitty;
-  if (!between && (term.starts_with("foot") || term.starts_with("mlterm") || term == "yaft-256color"))
+  if (!between &&
+      (term.starts_with("foot") || term.starts_with("mlterm") || term == "yaft-256color"))
     return Graphics::sixel;
   const bool colors = environment("COLORTERM") == "truecolor" ||
-                      term.find("256color") != std::string::npos || term.find("direct") != std::string::npos;
+                      term.find("256color") != std::string::npos ||
+                      term.find("direct") != std::string::npos;
   return colors && environment("NO_COLOR").empty() ? Graphics::blocks : Graphics::braille;
 }
 

@@ -20,8 +20,8 @@ struct Screen {
 };
 
 /// What the terminal at `descriptor` can show, by its own words in the environment (TERM,
-/// KITTY_WINDOW_ID, COLORTERM ...); VITREO_GRAPHICS names one of kitty, sixel, blocks, braille where
-/// they mislead. No terminal: 80 columns of Braille.
+/// KITTY_WINDOW_ID, COLORTERM ...); VITREO_GRAPHICS names one of kitty, sixel, blocks, braille
+/// where they mislead. No terminal: 80 columns of Braille.
 Screen screen_of(int descriptor);
 
 /// The picture as text for the terminal, ended by a line's end; at most as wide as the screen and

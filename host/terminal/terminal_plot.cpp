@@ -55,11 +55,12 @@ class Canvas {
                              static_cast<char>(0x80 | ((code >> 6) & 0x3F)),
                              static_cast<char>(0x80 | (code & 0x3F))};
       const bool colored = colors && cell.series >= 0;
-      out += colored ? fmt::format("\033[{}m{}\033[0m",
-                                   kSeriesColors[static_cast<std::size_t>(cell.series) %
-                                                 kSeriesColors.size()],
-                                   sign)
-                     : sign;
+      out += colored
+                 ? fmt::format(
+                       "\033[{}m{}\033[0m",
+                       kSeriesColors[static_cast<std::size_t>(cell.series) % kSeriesColors.size()],
+                       sign)
+                 : sign;
     }
     return out;
   }
@@ -77,9 +78,12 @@ void draw(Canvas& canvas, const Drawing& drawing) {
   for (std::size_t i = 0; i < drawing.strokes.size(); ++i)
     for (const Stroke& stroke : drawing.strokes[i])
       for (std::size_t k = 0; k < stroke.size(); ++k) {
-        const bool single = drawing.pens[i].mark == Mark::points || k == 0;
+        const bool points = drawing.pens[i].mark == Mark::points;
         const PlotPoint now = place(stroke[k]);
-        canvas.line(single ? now : place(stroke[k - 1]), now, static_cast<int>(i));
+        canvas.line(points || k == 0 ? now : place(stroke[k - 1]), now, static_cast<int>(i));
+        // A single dot is hard to see: a point is two by two.
+        if (points) canvas.line({now.x + 1, now.y + 1}, {now.x, now.y + 1}, static_cast<int>(i));
+        if (points) canvas.line({now.x + 1, now.y}, {now.x + 1, now.y}, static_cast<int>(i));
       }
 }
 
@@ -94,7 +98,8 @@ std::string x_labels(const Ticks& ticks, const Range& range, int columns) {
   int written = 0;
   for (std::size_t i = 0; i < ticks.at.size(); ++i) {
     const int width = static_cast<int>(columns_of(ticks.labels[i]));
-    const int at = static_cast<int>((ticks.at[i] - range.low) / range.span() * (columns - 1)) - width / 2;
+    const int at =
+        static_cast<int>((ticks.at[i] - range.low) / range.span() * (columns - 1)) - width / 2;
     const int begin = std::clamp(at, 0, std::max(0, columns - width));
     if (begin < written + (written > 0 ? 1 : 0)) continue;
     line += std::string(static_cast<std::size_t>(begin - written), ' ') + ticks.labels[i];
@@ -109,7 +114,8 @@ std::string legend(const Plot& plot, bool colors) {
     if (plot.series[i].label.empty()) continue;
     const std::string name = harmless(plot.series[i].label);
     line += (line.empty() ? "" : "   ") +
-            (colors ? fmt::format("\033[{}m\u2500\u2500\033[0m ", kSeriesColors[i % kSeriesColors.size()])
+            (colors ? fmt::format("\033[{}m\u2500\u2500\033[0m ",
+                                  kSeriesColors[i % kSeriesColors.size()])
                     : std::string(kSigns[std::min(i, kSigns.size() - 1)]) + " ") +
             name;
   }
@@ -143,7 +149,8 @@ std::string plot_text(const Plot& plot, const Screen& screen) {
       const double at = (drawing.y.high - y_ticks.at[i]) / drawing.y.span() * (rows - 1);
       if (std::lround(at) == row) label = y_ticks.labels[i];
     }
-    out += padded(label, margin) + (label.empty() ? " \u2502" : " \u2524") + canvas.row(row, colors) + "\n";
+    out += padded(label, margin) + (label.empty() ? " \u2502" : " \u2524") +
+           canvas.row(row, colors) + "\n";
   }
   const std::string indent(margin + 2, ' ');
   out += indent + x_labels(x_ticks, drawing.x, columns) + "\n";

@@ -158,8 +158,7 @@ void LiveView::State::tick() {
       for (const int viewer : server.viewers())
         server.send(viewer, text_of({{"ended", outcome}, {"rest", rest_of(board)}}));
     if (!report.empty() && !std::exchange(report_sent, true))
-      for (const int viewer : server.viewers())
-        server.send(viewer, text_of({{"report", kReport}}));
+      for (const int viewer : server.viewers()) server.send(viewer, text_of({{"report", kReport}}));
     watching = server.viewers().size();
     return;
   }
@@ -290,8 +289,7 @@ OperatorCommand command_of(const std::string& word, const json& message, const P
 json LiveView::State::perform(int viewer, const json& message) {
   const std::string word = message["do"];
   if (session == nullptr) throw std::invalid_argument("the run has ended");
-  if (word == "where")
-    return {{"where", pointing->where(message)}, {"id", message.value("id", 0)}};
+  if (word == "where") return {{"where", pointing->where(message)}, {"id", message.value("id", 0)}};
   if (word == "take") {
     // Control is taken from another viewer only with "force".
     if (operator_viewer != 0 && operator_viewer != viewer && !message.value("force", false))

@@ -13,12 +13,12 @@ namespace vitreo::control {
 namespace {
 
 const CurveSamples kNorris{
-    {0.2,   337.4, 118.2, 884.6, 10.1,  226.5, 666.3, 996.3, 448.6, 777.0, 558.2, 0.4,
-     0.6,   775.5, 666.9, 338.0, 447.5, 11.6,  556.0, 228.1, 995.8, 887.6, 120.2, 0.3,
-     0.3,   556.8, 339.1, 887.2, 999.0, 779.0, 11.1,  118.3, 229.2, 669.1, 448.9, 0.5},
-    {0.1,   338.8, 118.1, 888.0, 9.2,   228.1, 668.5, 998.5, 449.1, 778.9, 559.2, 0.3,
-     0.1,   778.1, 668.8, 339.3, 448.9, 10.8,  557.7, 228.3, 998.0, 888.8, 119.6, 0.3,
-     0.6,   557.6, 339.3, 888.0, 998.5, 778.9, 10.2,  117.6, 228.9, 668.4, 449.2, 0.2}};
+    {0.2, 337.4, 118.2, 884.6, 10.1,  226.5, 666.3, 996.3, 448.6, 777.0, 558.2, 0.4,
+     0.6, 775.5, 666.9, 338.0, 447.5, 11.6,  556.0, 228.1, 995.8, 887.6, 120.2, 0.3,
+     0.3, 556.8, 339.1, 887.2, 999.0, 779.0, 11.1,  118.3, 229.2, 669.1, 448.9, 0.5},
+    {0.1, 338.8, 118.1, 888.0, 9.2,   228.1, 668.5, 998.5, 449.1, 778.9, 559.2, 0.3,
+     0.1, 778.1, 668.8, 339.3, 448.9, 10.8,  557.7, 228.3, 998.0, 888.8, 119.6, 0.3,
+     0.6, 557.6, 339.3, 888.0, 998.5, 778.9, 10.2,  117.6, 228.9, 668.4, 449.2, 0.2}};
 
 TEST(CurveFit, OfALineIsTheCertifiedOneOfNorris) {
   const CurveFit fit = fit_polynomial(kNorris, 1);
@@ -31,12 +31,13 @@ TEST(CurveFit, OfALineIsTheCertifiedOneOfNorris) {
 }
 
 TEST(CurveFit, OfACurveOfOnesOwnIsTheCertifiedOneOfMisra1a) {
-  const CurveSamples misra{
-      {77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0},
-      {10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78}};
-  const CurveFit fit = fit_curve(
-      [](const Eigen::VectorXd& b, double x) { return b[0] * (1 - std::exp(-b[1] * x)); }, misra,
-      Eigen::Vector2d(500, 1e-4));
+  const CurveSamples misra{{77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3,
+                            536.8, 593.1, 689.1, 760.0},
+                           {10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05,
+                            61.01, 66.40, 75.47, 81.78}};
+  const CurveFit fit =
+      fit_curve([](const Eigen::VectorXd& b, double x) { return b[0] * (1 - std::exp(-b[1] * x)); },
+                misra, Eigen::Vector2d(500, 1e-4));
   EXPECT_NEAR(fit.parameters[0] / 2.3894212918e+02, 1, 1e-7);
   EXPECT_NEAR(fit.parameters[1] / 5.5015643181e-04, 1, 1e-7);
   EXPECT_NEAR(fit.sigma(0) / 2.7070075241, 1, 1e-5);
@@ -75,7 +76,8 @@ TEST(CurveFit, AnExponentialAndAGaussianAreFoundFromTheirSamplesAlone) {
     CurveSamples samples;
     for (int i = 0; i < 50; ++i) {
       samples.x.push_back(1e-3 + 1e-5 * i);
-      samples.y.push_back(5 + sign * 2 * std::exp(-std::pow((samples.x.back() - 1.2e-3) / 6e-5, 2) / 2));
+      samples.y.push_back(5 + sign * 2 *
+                                  std::exp(-std::pow((samples.x.back() - 1.2e-3) / 6e-5, 2) / 2));
     }
     const CurveFit fit = fit_gaussian(samples);
     EXPECT_NEAR(fit.parameters[0], sign * 2, 1e-7);
@@ -96,7 +98,8 @@ TEST(CurveFit, ItsSigmasAreTheSpreadOfRepeatedFits) {
       CurveSamples samples;
       for (int i = 0; i < 40; ++i) {
         samples.x.push_back(0.25 * i);
-        samples.y.push_back(3 * std::exp(-std::pow((samples.x.back() - 5) / 1.2, 2) / 2) + 1 + noise(generator));
+        samples.y.push_back(3 * std::exp(-std::pow((samples.x.back() - 5) / 1.2, 2) / 2) + 1 +
+                            noise(generator));
         if (known) samples.sigma.push_back(0.05);
       }
       const CurveFit fit = fit_gaussian(samples);
@@ -118,11 +121,12 @@ TEST(CurveFit, RefusesWhatItCannotFitAndLetsTheCurvesErrorsPass) {
   EXPECT_THROW(fit_polynomial({{1, 2, 3}, {1, 2, std::nan("")}}, 1), std::invalid_argument);
   EXPECT_THROW(fit_polynomial({{1, 2, 3}, {1, 2, 3}, {1, 1, 0}}, 1), std::invalid_argument);
   const CurveSamples three{{1, 2, 3}, {1, 2, 3}};
-  EXPECT_THROW(fit_curve([](const Eigen::VectorXd&, double) -> double { throw std::domain_error("mine"); },
+  EXPECT_THROW(
+      fit_curve([](const Eigen::VectorXd&, double) -> double { throw std::domain_error("mine"); },
+                three, Eigen::Vector2d(1, 1)),
+      std::domain_error);
+  EXPECT_THROW(fit_curve([](const Eigen::VectorXd& p, double x) { return (p[0] + p[1]) * x; },
                          three, Eigen::Vector2d(1, 1)),
-               std::domain_error);
-  EXPECT_THROW(fit_curve([](const Eigen::VectorXd& p, double x) { return (p[0] + p[1]) * x; }, three,
-                         Eigen::Vector2d(1, 1)),
                std::runtime_error)
       << "two parameters that do the same";
 }

@@ -98,7 +98,8 @@ TEST(LiveView, ShowsSteersAndStopsARun) {
   auto seen = watched(place, "view --operator 'Eve <b>Bold</b>' --rig rig.lua", "steer");
   ASSERT_TRUE(seen.contains("state")) << seen;
   EXPECT_EQ(seen["addressAfter"].get<std::string>().find("token"), std::string::npos);
-  EXPECT_NE(seen["withoutControl"].get<std::string>().find("take control first"), std::string::npos);
+  EXPECT_NE(seen["withoutControl"].get<std::string>().find("take control first"),
+            std::string::npos);
   EXPECT_EQ(seen["note"].get<std::string>().rfind("target ", 0), 0U) << seen["note"];
   const double rise = millimeters(seen["aimAfter"]) - millimeters(seen["aimBefore"]);
   EXPECT_GT(rise, 0) << seen;

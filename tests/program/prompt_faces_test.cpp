@@ -255,10 +255,12 @@ TEST(TerminalPrompt, GrabLookTrackFitAndPlotTakeTenLines) {
   ASSERT_TRUE(terminal.prompts()) << terminal.unseen();
   const auto enter = [&terminal](const std::string& line, const std::string& shown) {
     terminal.type(line + "\r");
-    EXPECT_TRUE(terminal.sees(shown, std::chrono::seconds(60))) << line << ": " << terminal.unseen();
+    EXPECT_TRUE(terminal.sees(shown, std::chrono::seconds(60)))
+        << line << ": " << terminal.unseen();
     EXPECT_TRUE(terminal.prompts()) << line << ": " << terminal.unseen();
   };
-  enter("image = rig.top_camera:grab().image; show(image)", "\u28ff");  // a cell that is all lit
+  enter("image = rig.top_camera:grab().image; show(image)",
+        "\xe2\xa2");  // how U+2880 to U+28BF begin: Braille
   enter("background = rig:learn_background { frames = 15 }", "");
   enter("rig.sample:insert_robot(vector(0, 0, 0))", "");
   enter("servo = rig:servo { background = background, field = 10 * mT }", "");
@@ -266,7 +268,8 @@ TEST(TerminalPrompt, GrabLookTrackFitAndPlotTakeTenLines) {
   enter("seen = run:samples('servo', { 'x' }, { from = start })", "");
   enter("found = fit.line(seen.time, seen.x)", "");
   enter("found.slope_sigma > 0", "true");
-  enter("plot(seen.time, { seen.x, found.y }, { x = { 'time', 's' }, y = { 'x', 'um' } })", "x (\u00b5m)");
+  enter("plot(seen.time, { seen.x, found.y }, { x = { 'time', 's' }, y = { 'x', 'um' } })",
+        "x (\u00b5m)");
   terminal.type("exit\r");
   EXPECT_EQ(terminal.end(), 0);
 }

@@ -138,15 +138,14 @@ int fit_custom(Call& call) {
   }
   lua_State* const L = call.L;
   const int function = call.index(0);
-  return listed_result(
-      call, control::fit_curve(
-                [L, function](const Eigen::VectorXd& parameters, double x) {
-                  return value_of(L, function, parameters, x);
-                },
-                samples,
-                Eigen::Map<const Eigen::VectorXd>(start.data(),
-                                                  static_cast<Eigen::Index>(start.size())),
-                scales));
+  return listed_result(call, control::fit_curve(
+                                 [L, function](const Eigen::VectorXd& parameters, double x) {
+                                   return value_of(L, function, parameters, x);
+                                 },
+                                 samples,
+                                 Eigen::Map<const Eigen::VectorXd>(
+                                     start.data(), static_cast<Eigen::Index>(start.size())),
+                                 scales));
 }
 
 Argument numbers(const char* name, const char* help) {
@@ -194,7 +193,8 @@ const std::vector<Binding>& fit_functions() {
       {"gaussian",
        {numbers("x", ""), numbers("y", "one for each x"), fit_options()},
        {"table", named_fields(kGaussian)},
-       "y = amplitude exp(-(x - center)^2 / (2 width^2)) + offset; a start is found from the samples",
+       "y = amplitude exp(-(x - center)^2 / (2 width^2)) + offset; a start is found from the "
+       "samples",
        fit_gaussian,
        "fit.gaussian({ 0, 1, 2, 3, 4, 5 }, { 1, 1.2, 2.6, 2.5, 1.2, 1 }).center"},
       {"custom",
@@ -206,7 +206,8 @@ const std::vector<Binding>& fit_functions() {
        {"table", listed_fields()},
        "a curve of one's own by nonlinear least squares",
        fit_custom,
-       "fit.custom(function(x, a, b) return a * x ^ b end, { 1, 2, 3 }, { 2, 8, 18 }, { 1, 1 }).parameters"}};
+       "fit.custom(function(x, a, b) return a * x ^ b end, { 1, 2, 3 }, { 2, 8, 18 }, { 1, 1 "
+       "}).parameters"}};
   return functions;
 }
 

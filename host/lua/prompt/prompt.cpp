@@ -248,8 +248,8 @@ void Prompt::greet() {
       "here; exit leaves");
 }
 
-/// "exit" and "quit" by themselves, where a statement would begin and the script has no such name of
-/// its own.
+/// "exit" and "quit" by themselves, where a statement would begin and the script has no such name
+/// of its own.
 bool Prompt::leaves(const std::string& line) const {
   if (!chunk_.empty()) return false;
   std::string word;

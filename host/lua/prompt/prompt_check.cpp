@@ -102,18 +102,18 @@ const std::vector<Binding>& prompt_functions() {
   static const std::vector<Binding> functions = [] {
     std::vector<Binding> rows = prompt_see_functions();
     rows.push_back(
-      {"check",
-       {{.name = "protocol", .type = Type::text, .help = "a name or a file"},
-        {.name = "parameters",
-         .type = Type::table,
-         .optional = true,
-         .help = "as for run(\"name\", {...}): SI, or texts such as \"5s\""}},
-       "true or false",
-       "at the prompt: true when a run would be let; shows what it would move and energize, by a "
-       "dry "
-       "run on the rig's twin",
-       check,
-       "check(\"drift_test\", { hold = 5 * units.s })"});
+        {"check",
+         {{.name = "protocol", .type = Type::text, .help = "a name or a file"},
+          {.name = "parameters",
+           .type = Type::table,
+           .optional = true,
+           .help = "as for run(\"name\", {...}): SI, or texts such as \"5s\""}},
+         "true or false",
+         "at the prompt: true when a run would be let; shows what it would move and energize, by a "
+         "dry "
+         "run on the rig's twin",
+         check,
+         "check(\"drift_test\", { hold = 5 * units.s })"});
     return rows;
   }();
   return functions;

@@ -39,7 +39,7 @@ Screen size_of(const PromptScreen& screen) {
   return screen.interactive ? screen_of(STDOUT_FILENO) : Screen{};
 }
 
-int show(Call& call) {
+int show_image(Call& call) {
   const PromptScreen screen = screen_at(call.L);
   *screen.out << picture_text(call.handle<Image>(0).pixels, size_of(screen)) << std::flush;
   return 0;
@@ -95,13 +95,14 @@ void take_plot_options(const Call& call, Plot& plot) {
   }
   lua_pop(L, 1);
   // The first is what was measured: its points; what follows is laid through them.
-  const std::string mark = call.text_option("mark").value_or(plot.series.size() > 1 ? "points" : "line");
+  const std::string mark =
+      call.text_option("mark").value_or(plot.series.size() > 1 ? "points" : "line");
   if (mark != "points" && mark != "line")
     throw std::invalid_argument("mark: wants points or line, got " + mark);
   if (!plot.series.empty() && mark == "points") plot.series[0].mark = Mark::points;
 }
 
-int plot(Call& call) {
+int draw_plot(Call& call) {
   const PromptScreen screen = screen_at(call.L);
   Plot plot;
   const std::vector<double> x = call.numbers(0);
@@ -111,8 +112,10 @@ int plot(Call& call) {
                                   std::to_string(x.size()));
     plot.series.push_back({"", x, std::move(y), Mark::line});
   }
-  if (call.has(2)) take_plot_options(call, plot);
-  else if (plot.series.size() > 1) plot.series[0].mark = Mark::points;
+  if (call.has(2))
+    take_plot_options(call, plot);
+  else if (plot.series.size() > 1)
+    plot.series[0].mark = Mark::points;
   *screen.out << plot_text(plot, size_of(screen)) << std::flush;
   return 0;
 }
@@ -181,26 +184,31 @@ void set_prompt_screen(lua_State* L, std::ostream& out, bool interactive) {
 std::vector<Binding> prompt_see_functions() {
   return {
       {"show",
-       {{.name = "image", .type = Type::handle, .help = "of a frame, a file, a mosaic", .handle = "image"}},
+       {{.name = "image",
+         .type = Type::handle,
+         .help = "of a frame, a file, a mosaic",
+         .handle = "image"}},
        "",
        "at the prompt: shows an image in the terminal, by its own graphics, in blocks or in dots",
-       show,
+       show_image,
        "show(rig.top_camera:grab().image)"},
       {"plot",
        {{.name = "x", .type = Type::numbers},
         {.name = "y", .type = Type::list, .help = "a number for each x, or several such lists"},
-        options_of(
-            {{.name = "title", .type = Type::text, .optional = true},
-             {.name = "x", .optional = true, .help = "the axis: a name, or {name, unit}"},
-             {.name = "y", .optional = true, .help = "the axis: a name, or {name, unit}"},
-             {.name = "labels", .type = Type::list, .optional = true, .help = "a name for each list"},
-             {.name = "mark",
-              .type = Type::text,
-              .optional = true,
-              .help = "of the first list, \"points\" or \"line\""}})},
+        options_of({{.name = "title", .type = Type::text, .optional = true},
+                    {.name = "x", .optional = true, .help = "the axis: a name, or {name, unit}"},
+                    {.name = "y", .optional = true, .help = "the axis: a name, or {name, unit}"},
+                    {.name = "labels",
+                     .type = Type::list,
+                     .optional = true,
+                     .help = "a name for each list"},
+                    {.name = "mark",
+                     .type = Type::text,
+                     .optional = true,
+                     .help = "of the first list, \"points\" or \"line\""}})},
        "",
        "at the prompt: a plot in the terminal; values in SI, the first of several lists as points",
-       plot,
+       draw_plot,
        "plot({ 0, 1, 2 }, { 0, 1, 4 }, { y = { \"error\", \"um\" } })"}};
 }
 

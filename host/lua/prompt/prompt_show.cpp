@@ -84,8 +84,8 @@ std::string long_table(lua_State* L, int index, const FieldUnits& units) {
   return text + "\n}";
 }
 
-/// A list of tables of the same plain fields as columns, a line for each; "" where it is none. Lists
-/// and tables within are no plain fields.
+/// A list of tables of the same plain fields as columns, a line for each; "" where it is none.
+/// Lists and tables within are no plain fields.
 std::string in_columns(lua_State* L, int index, const FieldUnits& units) {
   constexpr lua_Integer kShown = 60;
   const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));
@@ -117,7 +117,8 @@ std::string in_columns(lua_State* L, int index, const FieldUnits& units) {
   rows.insert(rows.begin(), names);
   std::vector<std::size_t> widths(names.size());
   for (const auto& row : rows)
-    for (std::size_t k = 0; k < row.size(); ++k) widths[k] = std::max(widths[k], columns_of(row[k]));
+    for (std::size_t k = 0; k < row.size(); ++k)
+      widths[k] = std::max(widths[k], columns_of(row[k]));
   std::string text;
   for (const auto& row : rows) {
     for (std::size_t k = 0; k < row.size(); ++k)

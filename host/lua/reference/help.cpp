@@ -62,7 +62,8 @@ std::string words_help(lua_State* L, const std::string& word) {
     return "vector(x, y, z)\n  a vector with arithmetic; v.x, v:norm(), v:dot(w)\n"
            "  for instance: vector(0, 0, 1 * units.mm)\n";
   if (word == "follow")
-    return "follow(protocol, {parameters})\n  at the prompt: runs a protocol as run() does, shows each "
+    return "follow(protocol, {parameters})\n  at the prompt: runs a protocol as run() does, shows "
+           "each "
            "row that it records as a line of a table, and plots them at the end\n  for instance: "
            "follow(\"drift_test\", { hold = 2 * s })\n" +
            help_about(*context_of(L).library, "servo:follow");

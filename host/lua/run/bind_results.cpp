@@ -125,14 +125,12 @@ Expected expected_of(lua_State* L, int index, const std::string& where) {
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + " wants a table, got " + kind_of(L, index));
   refuse_unknown(L, index, where, {"label", "at", "low", "high"});
-  const double at =
-      number_field(L, index, "at", where, std::numeric_limits<double>::quiet_NaN());
+  const double at = number_field(L, index, "at", where, std::numeric_limits<double>::quiet_NaN());
   Expected expected{text_field(L, index, "label", where, false),
                     number_field(L, index, "low", where, -kInfinity),
                     number_field(L, index, "high", where, kInfinity)};
   if (!std::isnan(at)) expected.low = expected.high = at;
-  if (!(expected.low <= expected.high) ||
-      (std::isinf(expected.low) && std::isinf(expected.high)))
+  if (!(expected.low <= expected.high) || (std::isinf(expected.low) && std::isinf(expected.high)))
     throw std::invalid_argument(where + " wants at, or low or high, low at most high");
   return expected;
 }
@@ -238,9 +236,10 @@ Argument plot_options() {
           field("title", Type::text, ""),
           field("x", Type::table, "{\"time\", \"s\"}; log = true: decades"),
           field("y", Type::table, "{\"error\", \"um\"}"),
-          field("series", Type::list,
-                "{{label =, x = {...}, y = {...}, mark = \"line\", \"dashed\" or \"points\", spread "
-                "= {...} half-lengths of bars}, ...}"),
+          field(
+              "series", Type::list,
+              "{{label =, x = {...}, y = {...}, mark = \"line\", \"dashed\" or \"points\", spread "
+              "= {...} half-lengths of bars}, ...}"),
           field("expected", Type::list,
                 "{{label =, at =} or {label =, low =, high =}, ...}: lines and bands of y", true),
           field("marks", Type::list,

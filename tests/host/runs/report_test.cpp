@@ -226,8 +226,7 @@ TEST_F(Report, EachPlotBringsItsDataWholeInTheAxesUnits) {
   plot.series.push_back(
       {"b, of x", {0, 1}, {std::numeric_limits<double>::quiet_NaN(), 3e-6}, Mark::line});
   const std::string csv = plot_csv(plot);
-  EXPECT_EQ(
-      csv, "series,time (s),error (\u00b5m),half bar\n0,0,0,0.2\n0,1,1,0.2\n1,0,,\n1,1,3,\n");
+  EXPECT_EQ(csv, "series,time (s),error (\u00b5m),half bar\n0,0,0,0.2\n0,1,1,0.2\n1,0,,\n1,1,3,\n");
   test::ReportedRecorder recorder(parent_.path(), test::servo_start());
   recorder.plot(plot);
   const std::string page = report_html(recorder);

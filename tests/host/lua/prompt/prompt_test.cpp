@@ -116,7 +116,8 @@ TEST_F(Prompt, ShowsImagesAndPlotsAsPlainTextWhereThereIsNoTerminal) {
   EXPECT_NE(image.find("\u2800"), std::string::npos) << "cells of Braille: " << image;
   EXPECT_EQ(image.find('\x1b'), std::string::npos) << "no escape sequences in a pipe";
   const std::string plot = prompt(
-      "plot({ 0, 1, 2, 3 }, { { 0, 1e-6, 4e-6, 9e-6 }, { 0, 3e-6, 6e-6, 9e-6 } }, { title = 'Error', "
+      "plot({ 0, 1, 2, 3 }, { { 0, 1e-6, 4e-6, 9e-6 }, { 0, 3e-6, 6e-6, 9e-6 } }, { title = "
+      "'Error', "
       "x = { 'time', 's' }, y = { 'error', 'um' }, labels = { 'measured', 'line' } })\n");
   expect_all(plot, {"Error\n", "error (\u00b5m)\n", "8 \u2524", "time (s)", "measured", "line"});
   EXPECT_EQ(plot.find('\x1b'), std::string::npos);
@@ -132,9 +133,10 @@ TEST_F(Prompt, ListsOfTablesStandInColumns) {
 
 TEST_F(Prompt, FollowShowsARowOfATableForEachOneThatIsRecorded) {
   const auto file = folder.path() / "counts.lua";
-  std::ofstream(file) << "return { title = 'Counts', run = function(rig, p, run)\n"
-                         "  for i = 1, 4 do run:record('count', { n = i, far = i * 1e-6 }, { far = 'm' }) end\n"
-                         "end }\n";
+  std::ofstream(file)
+      << "return { title = 'Counts', run = function(rig, p, run)\n"
+         "  for i = 1, 4 do run:record('count', { n = i, far = i * 1e-6 }, { far = 'm' }) end\n"
+         "end }\n";
   const std::string out = prompt("follow('" + file.string() + "')\nfollow?\n");
   expect_all(out, {"count", "far", "3 \u00b5m", "far (\u00b5m)", "follow(protocol, {parameters})"});
 }
@@ -152,15 +154,19 @@ TEST_F(Prompt, ExitAndQuitLeaveUnlessTheyAreNamesOfOnesOwn) {
 }
 
 TEST_F(Prompt, FitsTellParametersWithTheirSigmasAndLetErrorsThrough) {
-  expect_all(prompt("f = fit.line({ 0, 1, 2, 3 }, { 0.1, 0.9, 2.1, 2.9 })\nf.slope\nf.degrees_of_freedom\n"),
-             {"0.96", "2"});
-  expect_all(prompt("fit.custom(function(x, a, b) return a * x ^ b end, { 1, 2, 3, 4 }, { 2, 8, 18, 32 }, { 1, 1 })"
+  expect_all(
+      prompt(
+          "f = fit.line({ 0, 1, 2, 3 }, { 0.1, 0.9, 2.1, 2.9 })\nf.slope\nf.degrees_of_freedom\n"),
+      {"0.96", "2"});
+  expect_all(prompt("fit.custom(function(x, a, b) return a * x ^ b end, { 1, 2, 3, 4 }, { 2, 8, "
+                    "18, 32 }, { 1, 1 })"
                     ".parameters\n"),
              {"{2, 2}"});
-  expect_all(prompt("fit.custom(function(x, a) error('mine') end, { 1, 2, 3 }, { 1, 2, 3 }, { 1 })\n"
-                    "fit.custom(function(x, a) return 'x' end, { 1, 2, 3 }, { 1, 2, 3 }, { 1 })\n"
-                    "fit.line({ 1, 2 }, { 1, 2 })\n"),
-             {"mine", "f: wants a number back, got a string", "x: wants more than 2 samples"});
+  expect_all(
+      prompt("fit.custom(function(x, a) error('mine') end, { 1, 2, 3 }, { 1, 2, 3 }, { 1 })\n"
+             "fit.custom(function(x, a) return 'x' end, { 1, 2, 3 }, { 1, 2, 3 }, { 1 })\n"
+             "fit.line({ 1, 2 }, { 1, 2 })\n"),
+      {"mine", "f: wants a number back, got a string", "x: wants more than 2 samples"});
 }
 
 }  // namespace
