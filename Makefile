@@ -60,8 +60,9 @@ tidy: setup      ## clang-tidy over our own sources; not by the release's comman
 install: build   ## install program, scripts, docs, man page, completion, udev rules (PREFIX=/usr/local)
 	$(SUDO) cmake --install $(BUILD) --prefix $(PREFIX)
 
-deb: build       ## the Debian packages: build/release/vitreo_VERSION_ARCH.deb, python3-vitreo_VERSION_all.deb
+deb: build       ## the Debian packages: build/release/vitreo_VERSION_ARCH.deb, vitreo-doc and python3-vitreo_VERSION_all.deb
 	cd $(BUILD) && cpack -G DEB
+	sh packaging/doc_package.sh $(BUILD) $$(sed -n 's/^project(vitreo VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
 	sh packaging/python_package.sh $(BUILD) $$(sed -n 's/^project(vitreo VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
 
 fresh: ## prove the README's two commands in a fresh Debian 12 folder (root, network, half an hour)
