@@ -60,8 +60,9 @@ tidy: setup      ## clang-tidy over our own sources; not by the release's comman
 install: build   ## install program, scripts, docs, man page, completion, udev rules (PREFIX=/usr/local)
 	$(SUDO) cmake --install $(BUILD) --prefix $(PREFIX)
 
-deb: build       ## the Debian packages: build/release/vitreo_VERSION_ARCH.deb, python3-vitreo_VERSION_all.deb
+deb: build       ## the Debian packages: build/release/vitreo_VERSION_ARCH.deb, vitreo-doc and python3-vitreo_VERSION_all.deb
 	cd $(BUILD) && cpack -G DEB
+	sh packaging/doc_package.sh $(BUILD) $$(sed -n 's/^project(vitreo VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
 	sh packaging/python_package.sh $(BUILD) $$(sed -n 's/^project(vitreo VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
 
 fresh: ## prove the README's two commands in a fresh Debian 12 folder (root, network, half an hour)
@@ -77,6 +78,8 @@ check-scripts: $(STYLUA)/node_modules ## luacheck, with the names that scripts c
 	node cmake/format_scripts.cjs $(CURDIR)/$(STYLUA) --check $(SCRIPTS)
 format-scripts: $(STYLUA)/node_modules ## lay out the Lua scripts with StyLua
 	node cmake/format_scripts.cjs $(CURDIR)/$(STYLUA) $(SCRIPTS)
+docs:            ## the docs as a site with search, to be read without a network: build/docs/index.html
+	python3 cmake/docs_site.py . build/docs
 reference:       ## print docs/api.md and the golden help texts anew from the program
 	sh tests/program/print_golden.sh $(BUILD)/vitreo
 

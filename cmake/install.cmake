@@ -53,6 +53,9 @@ set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "libopencv-imgcodecs406, libopencv-videoio406, libopencv-video406, libaravis-0.8-0")
 # Its fonts come with Debian's fontconfig.
+# Without it a run is exported all the same, only not as a film that every player shows.
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "ffmpeg")
 # The workbench opens a browser by xdg-open, and posts to webhooks by curl.
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "ffmpeg, librsvg2-bin, curl, xdg-utils, default-mta | mail-transport-agent")
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS
+    "librsvg2-bin, vitreo-doc, python3-vitreo, curl, xdg-utils, default-mta | mail-transport-agent")
 include(CPack)

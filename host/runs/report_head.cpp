@@ -4,6 +4,7 @@
 #include "host/runs/report_files.h"
 #include "host/runs/report_parts.h"
 #include "host/runs/results_text.h"
+#include "host/text/columns.h"
 #include "host/text/markup.h"
 
 #include <fmt/format.h>
@@ -12,6 +13,7 @@
 #include <array>
 #include <map>
 #include <optional>
+#include <vector>
 
 namespace vitreo {
 namespace {
@@ -42,6 +44,18 @@ std::string title_of(const RunStart& start) {
 
 bool completed(const RunData& data) {
   return data.end && std::string_view(to_string(data.end->outcome)) == "completed";
+}
+
+/// Times and counts, which stand at the foot and in the table: no one of them is what matters.
+constexpr std::array kAsides{"experiment_time", "wall_time", "dead_time", "expectations_met",
+                             "expectations_missed"};
+
+std::vector<ShownResult> main_results(const RunData& data) {
+  std::vector<ShownResult> results = shown_results(data.results);
+  std::erase_if(results, [](const ShownResult& one) {
+    return std::find(kAsides.begin(), kAsides.end(), one.name) != kAsides.end();
+  });
+  return results;
 }
 
 /// The sentence that the protocol gave (run:headline), or its title and its first result.
@@ -202,7 +216,7 @@ std::string verdict_html(const std::string& verdict) {
 std::string report_head(const RunData& data) {
   const RunStart& start = data.start;
   const RunEnd* end = data.end ? &*data.end : nullptr;
-  const std::vector<ShownResult> results = shown_results(data.results);
+  const std::vector<ShownResult> results = main_results(data);
   const std::string folder = data.folder.filename().string();
   std::string out = "<p class=\"top\"><span>Vitreo report</span>";
   for (const std::string& text :
@@ -239,6 +253,8 @@ std::string report_facts(const RunData& data) {
   if (end && end->experiment_time > 0)
     fact("Experiment", printed(show_quantity(end->experiment_time, "s")));
   if (end && end->wall_time > 0) fact("Took", printed(show_quantity(end->wall_time, "s")));
+  for (const ShownResult& one : shown_results(data.results))
+    if (one.name == "dead_time") fact("Stood idle", printed(one.value));
   const auto labels = [&fact](const nlohmann::json& values) {
     if (values.is_object())
       for (const auto& [name, value] : values.items()) fact(name.c_str(), text_of(value));

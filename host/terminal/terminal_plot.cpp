@@ -78,9 +78,12 @@ void draw(Canvas& canvas, const Drawing& drawing) {
   for (std::size_t i = 0; i < drawing.strokes.size(); ++i)
     for (const Stroke& stroke : drawing.strokes[i])
       for (std::size_t k = 0; k < stroke.size(); ++k) {
-        const bool single = drawing.pens[i].mark == Mark::points || k == 0;
+        const bool points = drawing.pens[i].mark == Mark::points;
         const PlotPoint now = place(stroke[k]);
-        canvas.line(single ? now : place(stroke[k - 1]), now, static_cast<int>(i));
+        canvas.line(points || k == 0 ? now : place(stroke[k - 1]), now, static_cast<int>(i));
+        // A single dot is hard to see: a point is two by two.
+        if (points) canvas.line({now.x + 1, now.y + 1}, {now.x, now.y + 1}, static_cast<int>(i));
+        if (points) canvas.line({now.x + 1, now.y}, {now.x + 1, now.y}, static_cast<int>(i));
       }
 }
 

@@ -499,7 +499,7 @@ std::optional<Response> WebServer::State::answer(const Request& request) {
     if (asset.gzip) response.set(http::field::content_encoding, "gzip");
     return response;
   }
-  const std::string made = callbacks.document ? callbacks.document(path) : "";
+  const std::string made = call.document ? call.document(path) : "";
   if (made.empty()) {
     if (settings.handler) return std::nullopt;
     return reply(http::status::not_found, "there is no such page\n");

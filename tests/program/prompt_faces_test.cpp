@@ -259,7 +259,8 @@ TEST(TerminalPrompt, GrabLookTrackFitAndPlotTakeTenLines) {
         << line << ": " << terminal.unseen();
     EXPECT_TRUE(terminal.prompts()) << line << ": " << terminal.unseen();
   };
-  enter("image = rig.top_camera:grab().image; show(image)", "\u28ff");  // a cell that is all lit
+  enter("image = rig.top_camera:grab().image; show(image)",
+        "\xe2\xa2");  // how U+2880 to U+28BF begin: Braille
   enter("background = rig:learn_background { frames = 15 }", "");
   enter("rig.sample:insert_robot(vector(0, 0, 0))", "");
   enter("servo = rig:servo { background = background, field = 10 * mT }", "");

@@ -39,7 +39,7 @@ Screen size_of(const PromptScreen& screen) {
   return screen.interactive ? screen_of(STDOUT_FILENO) : Screen{};
 }
 
-int show(Call& call) {
+int show_image(Call& call) {
   const PromptScreen screen = screen_at(call.L);
   *screen.out << picture_text(call.handle<Image>(0).pixels, size_of(screen)) << std::flush;
   return 0;
@@ -102,7 +102,7 @@ void take_plot_options(const Call& call, Plot& plot) {
   if (!plot.series.empty() && mark == "points") plot.series[0].mark = Mark::points;
 }
 
-int plot(Call& call) {
+int draw_plot(Call& call) {
   const PromptScreen screen = screen_at(call.L);
   Plot plot;
   const std::vector<double> x = call.numbers(0);
@@ -194,7 +194,7 @@ std::vector<Binding> prompt_see_functions() {
          .handle = "image"}},
        "",
        "at the prompt: shows an image in the terminal, by its own graphics, in blocks or in dots",
-       show,
+       show_image,
        "show(rig.top_camera:grab().image)"},
       {"plot",
        {{.name = "x", .type = Type::numbers},
@@ -212,7 +212,7 @@ std::vector<Binding> prompt_see_functions() {
                      .help = "of the first list, \"points\" or \"line\""}})},
        "",
        "at the prompt: a plot in the terminal; values in SI, the first of several lists as points",
-       plot,
+       draw_plot,
        "plot({ 0, 1, 2 }, { 0, 1, 4 }, { y = { \"error\", \"um\" } })"}};
 }
 

@@ -53,6 +53,7 @@ function loopWords(store) {
 export function stateOf(store) {
   const { status, ended } = store, phase = status.phase;
   if (ended !== null) return { kind: 'ended', word: endWord(ended), mark: 'ring' };
+  if (!store.hello && store.lostAt === null) return { kind: 'idle', word: 'No run yet', mark: 'ring' };
   if (!store.connected) return { kind: 'offline', word: 'Not connected', mark: 'cross' };
   if (!store.hello) return { kind: 'idle', word: 'No run yet', mark: 'ring' };
   if (phase === 'stop_requested' || phase === 'stop requested' || phase === 'stopping')
