@@ -4,7 +4,7 @@ PREFIX ?= /usr/local
 BUILD  := build/$(PRESET)
 SUDO   := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: help setup build run test test-kernel test-long bench asan tsan fuzz format format-check tidy install deb fresh check-scripts \
+.PHONY: help setup build run test test-kernel test-long bench bench-vision asan tsan fuzz format format-check tidy install deb fresh check-scripts \
         format-scripts reference clean
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -35,6 +35,9 @@ test-long: build ## the long forms: 200 kills, thousands of broken files; prints
 
 bench: build     ## print the figures of the loop and of its parts
 	sh tests/bench/run.sh $(BUILD)
+
+bench-vision: build ## print the hard set: the color tracker before 12 grounds in 48 variants; wants python3-skimage, python3-opencv
+	sh tests/bench/hard_set/run.sh $(BUILD)
 
 asan:            ## every test under the address and undefined-behavior sanitizers
 	$(MAKE) test PRESET=asan

@@ -55,6 +55,11 @@ void ColorTrackerSettings::check() const {
   require(coast_frames >= 0 && coast_frames <= 1000, "coast_frames: must be 0 to 1000");
   require(coast_px >= 0 && coast_px <= 20, "coast_px: must be 0 to 20");
   require(candidates >= 1 && candidates <= 8, "candidates: must be 1 to 8");
+  require(confirm_frames >= 1 && confirm_frames <= 100, "confirm_frames: must be 1 to 100");
+  require(std::isfinite(min_likeness) && std::isfinite(min_likeness_new) &&
+              min_likeness <= min_likeness_new,
+          "min_likeness: must be finite, and not above min_likeness_new");
+  require(sure_margin >= 0 && moved_px >= 0, "sure_margin, moved_px: must be at least 0");
 }
 
 // All that changes from frame to frame is in TrackMemory, so that a frame can be undone by
@@ -71,9 +76,17 @@ struct ColorTracker::State : TrackMemory {
   bool anywhere(const cv::Mat& image, const Owned& owned, Track& track);
   bool good(const Observation& seen, const Ellipse& start, const Eigen::Vector2d& axes, double jump,
             double inliers) const;
+  LookWorth worth_of(const Observation& seen) const;
+  bool look_at(const cv::Mat& image, const Owned& owned, Ellipse start, const Eigen::Vector2d& axes,
+               Observation& seen);
+  void follow(const Ellipse& e, double inliers);
+  void find(const cv::Mat& image, const Observation& seen);
+  void confirm(const cv::Mat& image, const Observation& seen, Track& track);
+  bool moved(const cv::Mat& image, const Observation& seen) const;
+  void drop_candidate();
   bool in_image(const Ellipse& e) const;
-  void accept(const Observation& seen, Track& track, bool anew);
-  EllipseMeasurement calibrated(const EllipseMeasurement& raw) const;
+  void report(const Observation& seen, Track& track);
+  EllipseMeasurement calibrated(const Observation& seen) const;
 
   ObjectModel model;
   ColorTrackerSettings settings;
@@ -123,47 +136,100 @@ bool ColorTracker::State::good(const Observation& seen, const Ellipse& start,
   return seen.support >= settings.min_support;
 }
 
+// What looks of this kind were worth in training; of one without a rim nothing is known.
+LookWorth ColorTracker::State::worth_of(const Observation& seen) const {
+  if (!settings.view.refine || !seen.measured || model.looks.empty()) return {};
+  return model.looks.worth(features_of(seen));
+}
+
 // Subtracts the mean bias of the axes found in training and adds the covariance of the rest, which
-// the scatter along the rim does not contain.
+// the scatter along the rim does not contain; then the factors by which looks like this one erred
+// more than they claimed.
 // Axes keep their order, as covariance and pose depend on which is which.
-EllipseMeasurement ColorTracker::State::calibrated(const EllipseMeasurement& raw) const {
+EllipseMeasurement ColorTracker::State::calibrated(const Observation& seen) const {
   const Calibration& calibration = settings.view.refine ? model.rim : model.segment;
+  const EllipseMeasurement& raw = *seen.measured;
   EllipseMeasurement result = raw;
   result.ellipse.semi_major_px -= calibration.semi_axes_px.x();
   result.ellipse.semi_minor_px = std::min(raw.ellipse.semi_minor_px - calibration.semi_axes_px.y(),
                                           result.ellipse.semi_major_px);
-  result.covariance += calibration.covariance;
+  const LookWorth worth = worth_of(seen);
+  Eigen::Matrix<double, 5, 1> scale;
+  scale << Eigen::Vector2d::Constant(std::sqrt(worth.center)),
+      Eigen::Vector3d::Constant(std::sqrt(worth.shape));
+  result.covariance =
+      scale.asDiagonal() * (raw.covariance + calibration.covariance) * scale.asDiagonal();
   return result;
 }
 
-// Updates motion and axes by first-order low-pass filters, x <- (1 - g) x + g new; the velocity is
-// per frame, over the frames since the last measurement.
-// `anew`: found by the search of the whole image, so there is no step from the last position that
-// could be a velocity.
-void ColorTracker::State::accept(const Observation& seen, Track& track, bool anew) {
-  const Ellipse& e = seen.measured->ellipse;
-  if (anew) {
-    velocity_px.setZero();
-    turn = 0;
-    // Found again, the object keeps its slow mean; of one never seen the mean starts here.
-    if (state == TrackState::searching) axes_px = {e.semi_major_px, e.semi_minor_px};
-  } else {
-    const double frames = unseen + 1;
-    const Eigen::Vector2d step = (e.center_px - last.center_px) / frames;
-    const double turned = std::remainder(e.angle - last.angle, std::numbers::pi) / frames;
-    velocity_px = step + (1 - kVelocityGain) * (velocity_px - step);
-    turn = std::clamp(turned + (1 - kVelocityGain) * (turn - turned), -0.15, 0.15);
-    // A half hidden object's axes are those of the prior: they carry no information.
-    if (seen.measured->inlier_fraction > 0.7)
-      axes_px += kAxesGain * (Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) - axes_px);
-  }
+// Motion and axes by first-order low-pass filters, x <- (1 - g) x + g new; the velocity is per
+// frame, over the frames since the last measurement.
+void ColorTracker::State::follow(const Ellipse& e, double inliers) {
+  const double frames = unseen + 1;
+  const Eigen::Vector2d step = (e.center_px - last.center_px) / frames;
+  const double turned = std::remainder(e.angle - last.angle, std::numbers::pi) / frames;
+  velocity_px = step + (1 - kVelocityGain) * (velocity_px - step);
+  turn = std::clamp(turned + (1 - kVelocityGain) * (turn - turned), -0.15, 0.15);
+  // A half hidden object's axes are those of the prior: they carry no information.
+  if (inliers > 0.7)
+    axes_px += kAxesGain * (Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) - axes_px);
   last = e;
   unseen = 0;
+}
+
+// There is no step from the last position that could be a velocity. Found again, the object keeps
+// its slow mean of the axes; of one never seen the mean starts here.
+void ColorTracker::State::find(const cv::Mat& image, const Observation& seen) {
+  const Ellipse& e = seen.measured->ellipse;
+  velocity_px.setZero();
+  turn = 0;
+  if (state == TrackState::searching) axes_px = {e.semi_major_px, e.semi_minor_px};
+  last = e;
+  unseen = 0;
+  found_px = e.center_px;
+  found_ground = GroundRing(image, e);
+}
+
+void ColorTracker::State::report(const Observation& seen, Track& track) {
+  believed = last;
+  agreed = 0;
   state = TrackState::tracking;
-  track.measured = calibrated(*seen.measured);
+  track.measured = calibrated(seen);
   track.support = seen.support;
   track.area_px = seen.segment.area_px;
   track.iterations = seen.iterations;
+}
+
+// Against the ground: what stands still on a ground that stands still, or moves with one that
+// moves, may be a part of it.
+bool ColorTracker::State::moved(const cv::Mat& image, const Observation& seen) const {
+  const double sigma = std::sqrt(calibrated(seen).covariance.topLeftCorner<2, 2>().trace() / 2);
+  const double way = (seen.measured->ellipse.center_px - found_px).norm();
+  return way > std::max(settings.moved_px, 4 * sigma) &&
+         !found_ground.same_ground(GroundRing(image, seen.measured->ellipse));
+}
+
+// One more frame agrees with a new find. It is believed when enough do, and, of a ground that the
+// audit saw taken for the object, when nothing else is nearly as like it, or it moves as no part of
+// the ground does.
+void ColorTracker::State::confirm(const cv::Mat& image, const Observation& seen, Track& track) {
+  ++agreed;
+  margin = std::min(margin, worth_of(seen).likeness - model.audit.most_likeness);
+  track.margin = margin;
+  const bool sure = model.audit.answered == 0 || margin > settings.sure_margin;
+  if (agreed >= settings.confirm_frames && (sure || moved(image, seen)))
+    report(seen, track);
+  else
+    track.candidate = last;
+}
+
+// As if it had never been found: the object is still where it was believed last.
+void ColorTracker::State::drop_candidate() {
+  if (agreed == 0) return;
+  agreed = 0;
+  last = believed;
+  velocity_px.setZero();
+  turn = 0;
 }
 
 // One measurement at the prediction; gate, jump and prior widen with every frame without one.
@@ -173,6 +239,8 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
   const Ellipse start = expected();
   track.expected = start;
   if (!in_image(start)) return false;
+  const bool is_candidate = agreed > 0;
+  const double likeness = is_candidate ? settings.min_likeness_new : settings.min_likeness;
   // px, by which the position is less certain.
   const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
   const EllipsePrior prior{start, kCenterSigma + more, kAxesSigma,
@@ -182,17 +250,41 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
     const Observation seen =
         view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
     if (!good(seen, start, axes_px, settings.jump_px + more, settings.min_inliers)) continue;
-    accept(seen, track, false);
+    track.likeness = worth_of(seen).likeness;
+    if (track.likeness < likeness) continue;
+    follow(seen.measured->ellipse, seen.measured->inlier_fraction);
+    if (is_candidate)
+      confirm(image, seen, track);
+    else
+      report(seen, track);
     return true;
   }
   return false;
 }
 
-// Re-detection: the search's candidates in order, each measured; the first good one is taken. The
-// prior is wide, as the candidate's position is good to some px and its angle to some tenths of
-// rad.
+// A candidate of the search, measured: twice at most, from the rough position, then from the first
+// result. The prior is wide, as the candidate's position is good to some px and its angle to some
+// tenths of rad.
 // More is asked of an object found anew (min_inliers_new) than of one followed: the whole image has
 // more that looks like it.
+bool ColorTracker::State::look_at(const cv::Mat& image, const Owned& owned, Ellipse start,
+                                  const Eigen::Vector2d& axes, Observation& seen) {
+  start.semi_major_px = axes.x();
+  start.semi_minor_px = axes.y();
+  for (int round = 0; round < 2; ++round) {
+    if (!in_image(start)) return false;
+    const EllipsePrior prior{start, 8, 2.5, 0.4};
+    seen = view.observe(image, start, settings.view.gate_px, prior, owned);
+    if (!seen.measured) return false;
+    const bool near = (seen.measured->ellipse.center_px - start.center_px).norm() < kRough;
+    start = seen.measured->ellipse;
+    if (near && seen.measured->inlier_fraction > kSure) break;
+  }
+  return good(seen, start, axes, settings.jump_px, settings.min_inliers_new);
+}
+
+// Re-detection: all candidates of the search are measured; the one most like the object in training
+// is the find, and by how much it is more so than the second is its margin.
 bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
   const Eigen::Vector2d middle(image.cols / 2.0, image.rows / 2.0);
   const bool known = state != TrackState::searching;
@@ -200,27 +292,29 @@ bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Tra
       known ? axes_px
             : Eigen::Vector2d(model.semi_axes_px +
                               (settings.view.refine ? model.rim : model.segment).semi_axes_px);
-  const auto& candidates = search.find(image, model.color, known ? last.center_px : middle,
-                                       settings.candidates, owned.map, owned.self);
-  for (Ellipse start : candidates) {
-    start.semi_major_px = axes.x();
-    start.semi_minor_px = axes.y();
+  std::optional<Observation> best;
+  double best_likeness = 0;
+  double second = model.audit.most_likeness;
+  for (const Ellipse& start : search.find(image, model.color, known ? last.center_px : middle,
+                                          settings.candidates, owned.map, owned.self)) {
     Observation seen;
-    // Twice at most: from the rough position, then from the first result.
-    for (int round = 0; round < 2; ++round) {
-      if (!in_image(start)) break;
-      const EllipsePrior prior{start, 8, 2.5, 0.4};
-      seen = view.observe(image, start, settings.view.gate_px, prior, owned);
-      if (!seen.measured) break;
-      const bool near = (seen.measured->ellipse.center_px - start.center_px).norm() < kRough;
-      start = seen.measured->ellipse;
-      if (near && seen.measured->inlier_fraction > kSure) break;
+    if (!look_at(image, owned, start, axes, seen)) continue;
+    const double likeness = worth_of(seen).likeness;
+    track.likeness = best ? std::max(track.likeness, likeness) : likeness;
+    if (best && likeness <= best_likeness) {
+      second = std::max(second, likeness);
+      continue;
     }
-    if (!good(seen, start, axes, settings.jump_px, settings.min_inliers_new)) continue;
-    accept(seen, track, true);
-    return true;
+    if (best) second = std::max(second, best_likeness);
+    best = seen;
+    best_likeness = likeness;
   }
-  return false;
+  if (!best || best_likeness < settings.min_likeness_new) return false;
+  find(image, *best);
+  margin = best_likeness - second;
+  agreed = 0;
+  confirm(image, *best, track);
+  return true;
 }
 
 // The model is taken over, since the view keeps a reference into it.
@@ -232,7 +326,10 @@ ColorTracker::ColorTracker(ObjectModel model, const ColorTrackerSettings& settin
 
 ColorTracker::~ColorTracker() = default;
 
-void ColorTracker::reset() { state_->state = TrackState::searching; }
+void ColorTracker::reset() {
+  state_->state = TrackState::searching;
+  state_->agreed = 0;
+}
 
 // The axes are the trained ones, not the operator's, whose outline is rough.
 // As if it had been measured in the last frame: the next one is searched near there, with the gate
@@ -248,6 +345,8 @@ void ColorTracker::place(const Ellipse& at) {
   s.velocity_px.setZero();
   s.turn = 0;
   s.unseen = 0;
+  s.believed = at;
+  s.agreed = 0;
   s.state = TrackState::tracking;
 }
 
@@ -260,7 +359,7 @@ void ColorTracker::restore(const TrackMemory& memory) {
 }
 
 std::optional<Ellipse> ColorTracker::expected() const {
-  if (state_->state == TrackState::searching) return std::nullopt;
+  if (state_->state == TrackState::searching && state_->agreed == 0) return std::nullopt;
   return state_->expected();
 }
 
@@ -276,6 +375,7 @@ void ColorTracker::State::not_seen() {
 Track ColorTracker::miss() {
   Track track;
   track.expected = expected();
+  state_->drop_candidate();
   state_->not_seen();
   track.state = state_->state;
   return track;
@@ -292,8 +392,10 @@ Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   require(owned.map.empty() || (owned.map.type() == CV_8UC1 && owned.map.size() == image.size()),
           "owned: must be 8-bit gray of the image's size");
   Track track;
+  track.self_measured = s.settings.view.refine;
   const bool followed = s.state == TrackState::tracking || s.state == TrackState::coasting;
-  bool found = followed && s.near_expected(image, owned, track);
+  bool found = (followed || s.agreed > 0) && s.near_expected(image, owned, track);
+  if (!found) s.drop_candidate();
   if (!found && followed) s.not_seen();
   if (!found && (s.state == TrackState::searching || s.state == TrackState::lost))
     found = s.anywhere(image, owned, track);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "vision/ellipse.h"
+#include "vision/ground_ring.h"
 #include "vision/object_model.h"
 #include "vision/object_view.h"
 
@@ -32,7 +33,16 @@ struct ColorTrackerSettings {
   int coast_frames = 3;      ///< before the whole image is searched
   double coast_px = 2;       ///< by which gate and jump grow with each coasted frame
   int candidates = 3;        ///< candidates measured in a searched image
-  void check() const;        ///< throws std::invalid_argument naming the setting
+  /// Frames that must agree before an object found anew is believed; 1: at once.
+  int confirm_frames = 3;
+  /// Of LookWorth::likeness: of one followed, and of one found anew.
+  double min_likeness = -1.0;
+  double min_likeness_new = 0.0;
+  /// By how much the likeness of one found anew exceeds that of the best other candidate, and of
+  /// what the audit took for it; else, where the audit took anything, it must move.
+  double sure_margin = 2.0;
+  double moved_px = 5;  ///< against the ground, and four of its standard deviations
+  void check() const;   ///< throws std::invalid_argument naming the setting
 };
 
 /// Motion state of a tracker: enough to undo a frame.
@@ -43,6 +53,11 @@ struct TrackMemory {
   double turn = 0;                    ///< rad per frame
   Eigen::Vector2d axes_px{0, 0};      ///< slow mean of the measured semi-axes
   int unseen = 0;                     ///< frames since the last measurement
+  Ellipse believed;                   ///< `last`, of the last frame that was tracked
+  int agreed = 0;                     ///< frames of a new find that is not believed yet
+  Eigen::Vector2d found_px{0, 0};     ///< where it was found
+  GroundRing found_ground;            ///< and the ground around it then
+  double margin = 0;                  ///< least of its frames, as Track::margin
 };
 
 struct Track {
@@ -51,7 +66,18 @@ struct Track {
   std::optional<EllipseMeasurement> measured;
   std::optional<Ellipse> expected;  ///< the prediction; nothing while searching
   double support = 0;               ///< share of the inside whose colors are the object's
-  double area_px = 0;               ///< of the level set's largest part
+  /// Among looks in training that were like this one, log of how much oftener they were at the
+  /// object than at anything else; 0 where the model has no memory of looks.
+  double likeness = 0;
+  /// Of an object found anew, and of a candidate for it: by how much its likeness exceeds that of
+  /// the second best, in this image or among what the audit took for the object.
+  std::optional<double> margin;
+  /// A find that has not been believed yet: too few frames agree, or it may be anatomy.
+  std::optional<Ellipse> candidate;
+  /// Whether the look measured itself: without the rim's refinement the covariance is a constant,
+  /// and nothing tells a good look from a bad one.
+  bool self_measured = false;
+  double area_px = 0;  ///< of the level set's largest part
   int iterations = 0;
 };
 

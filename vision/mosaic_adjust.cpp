@@ -19,8 +19,9 @@ constexpr double kContradiction =
 constexpr int kPointsPerSide = 5;  // of the grid of common points
 
 // A view's point in the mosaic, by the view's pose. Euclidean (N = 3): angle, and position of the
-// view's center, about which a turn and a shift are uncorrelated. Affine (N = 6): linear part times
-// half the view's width, and position of the center, so that all six are in pixels.
+// view's center, about which a turn and a shift are uncorrelated. Similarity (N = 4): scale times
+// cosine and sine, times half the view's width, and the same position. Affine (N = 6): linear part
+// times half the view's width, and position of the center, so that all six are in pixels.
 // Templated for Ceres' Jets; p and middle are constants.
 template <int N, typename T>
 Eigen::Matrix<T, 2, 1> transformed(const T* pose, const Eigen::Vector2d& p,
@@ -31,6 +32,10 @@ Eigen::Matrix<T, 2, 1> transformed(const T* pose, const Eigen::Vector2d& p,
     const T c = cos(pose[0]);
     const T s = sin(pose[0]);
     return {c * d.x() - s * d.y() + pose[1], s * d.x() + c * d.y() + pose[2]};
+  } else if constexpr (N == 4) {
+    const Eigen::Vector2d e = d / middle.x();
+    return {pose[0] * e.x() - pose[1] * e.y() + pose[2],
+            pose[1] * e.x() + pose[0] * e.y() + pose[3]};
   } else {
     const Eigen::Vector2d e = d / middle.x();
     return {pose[0] * e.x() + pose[1] * e.y() + pose[4],
@@ -64,6 +69,10 @@ std::array<double, N> pose_of(const Eigen::Affine2d& mosaic_from_view,
   const Eigen::Vector2d shift = mosaic_from_view * middle;
   if constexpr (N == 3)
     return {std::atan2(a(1, 0) - a(0, 1), a(0, 0) + a(1, 1)), shift.x(), shift.y()};
+  if constexpr (N == 4) {
+    const double s = middle.x() / 2;
+    return {s * (a(0, 0) + a(1, 1)), s * (a(1, 0) - a(0, 1)), shift.x(), shift.y()};
+  }
   if constexpr (N == 6) {
     const double s = middle.x();
     return {s * a(0, 0), s * a(0, 1), s * a(1, 0), s * a(1, 1), shift.x(), shift.y()};
@@ -193,6 +202,8 @@ void adjust_mosaic(MosaicPlan& plan, const cv::Size& view_size, int fixed, ViewM
   do {
     if (model == ViewModel::euclidean)
       adjust<3>(plan, view_size, fixed);
+    else if (model == ViewModel::similarity)
+      adjust<4>(plan, view_size, fixed);
     else
       adjust<6>(plan, view_size, fixed);
     set_residuals(plan, view_size);

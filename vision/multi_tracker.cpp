@@ -203,8 +203,8 @@ bool MultiTracker::State::believable(std::size_t k) const {
     const TrackMemory& other = objects[j]->before;
     if (other.state == TrackState::searching || other.state == TrackState::tracking) continue;
     if (!known) return false;  // the missing one was tracked before: it takes precedence
-    const double own = (at - object.before.last.center_px).norm();
-    const double theirs = (at - other.last.center_px).norm();
+    const double own = (at - object.before.believed.center_px).norm();
+    const double theirs = (at - other.believed.center_px).norm();
     if (kNearer * own > theirs) return false;
   }
   return true;

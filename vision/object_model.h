@@ -5,12 +5,14 @@
 
 #include "vision/color_model.h"
 #include "vision/level_set.h"
+#include "vision/look_memory.h"
 #include "vision/radial_rim.h"
 #include "vision/shape_model.h"
 
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace vitreo::vision {
 
@@ -35,6 +37,15 @@ struct Calibration {
   Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();
 };
 
+/// Whether the ground itself is taken for the object: the training images, the object masked out of
+/// each, asked by a model that had not seen their ground.
+struct FalseBelief {
+  int asked = 0;
+  int answered = 0;
+  double most_likeness = -10;              ///< of any candidate, answered or not
+  std::vector<Eigen::Vector2d> places_px;  ///< of the answers, in the training images
+};
+
 struct ObjectModel {
   ColorModel color;
   ShapeModel shape;
@@ -42,6 +53,11 @@ struct ObjectModel {
   Eigen::Vector2d semi_axes_px{0, 0};  ///< mean over the masks
   Calibration rim;                     ///< of measurements with ObjectViewSettings::refine
   Calibration segment;                 ///< of those without
+  LookMemory looks;                    ///< empty in a model saved before there was one
+  FalseBelief audit;
+
+  /// What a person should know before trusting it, a sentence each; none of a good model.
+  std::vector<std::string> warnings() const;
 
   /// Colors from all of the masks; shape and calibration from the largest part of each, of those
   /// that no edge of the image cuts while there is one. Throws std::invalid_argument as

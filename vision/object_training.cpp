@@ -1,5 +1,6 @@
 // Training of an object model: colors, shape and calibration from images with masks.
 // SPDX-License-Identifier: Apache-2.0
+#include "vision/look_training.h"
 #include "vision/moments.h"
 #include "vision/object_model.h"
 #include "vision/object_view.h"
@@ -21,7 +22,7 @@ using Vector5 = Eigen::Matrix<double, 5, 1>;
 using Matrix5 = Eigen::Matrix<double, 5, 5>;
 
 // Smallest variances of a calibration: a few masks cannot show less. px^2, and rad^2 for the angle.
-constexpr double kLeastPx2 = 0.0005;
+constexpr double kLeastPx2 = 0.004;
 constexpr double kLeastAngle2 = 1e-5;
 
 // The largest part of a hand-drawn mask: a stray dot far away would turn and stretch all moments.
@@ -50,18 +51,13 @@ bool at_edge(const cv::Mat& mask) {
          0;
 }
 
-// An image whose mask is one part, and that part's moment ellipse.
-struct WholeMask {
-  LabeledImage labeled;
-  Ellipse truth;
-};
-
-// The images that show the whole object, for its shape; all, where none does.
+// The images that show the whole object, for its shape, each with its mask's largest part and that
+// part's moment ellipse; all, where none does.
 // Throws std::invalid_argument naming the image, from 1, for another size or an object too small to
 // have an axis.
-std::vector<WholeMask> whole_masks(std::span<const LabeledImage> images) {
-  std::vector<WholeMask> all;
-  std::vector<WholeMask> whole;
+std::vector<KnownObject> whole_masks(std::span<const LabeledImage> images) {
+  std::vector<KnownObject> all;
+  std::vector<KnownObject> whole;
   for (std::size_t k = 0; k < images.size(); ++k) {
     const std::string which = "image " + std::to_string(k + 1) + ": ";
     require(images[k].image.size() == images[0].image.size(), which + "has another size");
@@ -116,7 +112,7 @@ Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& repor
 // Measures every training image from its true ellipse and compares. Failures, with few normals or a
 // center off by more than 5 px, are the tracker's to reject, not the calibration's to explain.
 // `refine`: of the rim, else of the level set's segment; both have a bias of their own.
-Calibration calibration_of(const ObjectModel& model, const std::vector<WholeMask>& images,
+Calibration calibration_of(const ObjectModel& model, const std::vector<KnownObject>& images,
                            ObjectViewSettings settings, bool refine) {
   settings.refine = refine;
   ObjectView view(model, settings);
@@ -146,9 +142,9 @@ ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
   view.check();
   ObjectModel model;
   model.color = ColorModel::train(images, color);
-  const std::vector<WholeMask> whole = whole_masks(images);
+  const std::vector<KnownObject> whole = whole_masks(images);
   std::vector<cv::Mat> masks;
-  for (const WholeMask& one : whole) masks.push_back(one.labeled.mask);
+  for (const KnownObject& one : whole) masks.push_back(one.labeled.mask);
   model.shape = ShapeModel::train(masks);
   model.image_size = images[0].image.size();
   for (const auto& [labeled, e] : whole) {
@@ -157,6 +153,7 @@ ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
   }
   model.rim = calibration_of(model, whole, view, true);
   model.segment = calibration_of(model, whole, view, false);
+  learn_looks(model, whole, view);
   return model;
 }
 

@@ -54,6 +54,7 @@ void ObjectView::count_support(const Ellipse& ellipse, Observation& observation)
   int count = 0;
   int for_it = 0;
   int against = 0;
+  int sum = 0;  // a blocked pixel counts as the surest ground
   const int top = static_cast<int>(ellipse.center_px.y() - ellipse.semi_major_px);
   const int bottom = static_cast<int>(ellipse.center_px.y() + ellipse.semi_major_px) + 1;
   for (int v = top; v < bottom; v += 2) {
@@ -63,11 +64,31 @@ void ObjectView::count_support(const Ellipse& ellipse, Observation& observation)
       if (!region.contains({u, v})) continue;
       const std::int16_t f = evidence_.at(u, v);
       for_it += f > 0;
+      sum += std::clamp<int>(f, -4 * kClear, 4 * kClear);
       against += f < -kClear && f != Evidence::kBlocked;
     }
   }
   observation.support = static_cast<double>(for_it) / std::max(count, 1);
   observation.against = static_cast<double>(against) / std::max(count, 1);
+  observation.evidence = static_cast<double>(sum) / (std::max(count, 1) * Evidence::kScale);
+}
+
+// In each a step of one is what distinguishes good looks from bad ones: shares by thirds, axes by a
+// sixth of their length, the claimed deviation and the segment's area by factors.
+LookFeatures features_of(const Observation& seen) {
+  const EllipseMeasurement& m = *seen.measured;
+  const double sigma = std::sqrt(std::max(m.covariance.topLeftCorner<2, 2>().trace() / 2, 1e-6));
+  const double a = m.ellipse.semi_major_px / seen.expected_axes_px.x();
+  const double b = m.ellipse.semi_minor_px / seen.expected_axes_px.y();
+  const double share = std::clamp(seen.segment.area_px / area_of(m.ellipse), 0.1, 10.0);
+  const std::array<double, kLookFeatures> of{
+      3 * m.inlier_fraction, m.contrast / 2,  3 * seen.support,
+      4 * seen.against,      std::log(sigma), 6 * std::log(a),
+      6 * std::log(b),       seen.evidence,   1.5 * std::log(share)};
+  LookFeatures features;
+  for (std::size_t k = 0; k < features.size(); ++k)
+    features[k] = static_cast<float>(std::clamp(of[k], -20.0, 20.0));
+  return features;
 }
 
 // Thesis 8.2 in order: F within the gate, cycles one and two, the shape prior from the front (8.4)
@@ -77,6 +98,7 @@ void ObjectView::count_support(const Ellipse& ellipse, Observation& observation)
 Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, double gate_px,
                                 const EllipsePrior& prior, const Owned& owned, bool from_front) {
   Observation result;
+  result.expected_axes_px = {expected.semi_major_px, expected.semi_minor_px};
   evidence_.look(image, model_->color, grown(expected, gate_px), max_side_px_, owned.map,
                  owned.self);
   level_set_.start(evidence_, expected);

@@ -21,13 +21,18 @@ struct Owned {
 
 struct Observation {
   std::optional<EllipseMeasurement> measured;  ///< not yet calibrated
+  Eigen::Vector2d expected_axes_px{0, 0};      ///< semi-axes
   Segment segment;
   std::optional<ShapeFit> shape;
-  double support = 0;  ///< share of the measured ellipse's pixels with F > 0 that are not blocked
-  double against = 0;  ///< share of them that are clearly the ground's
+  double support = 0;   ///< share of the measured ellipse's pixels with F > 0 that are not blocked
+  double against = 0;   ///< share of them that are clearly the ground's
+  double evidence = 0;  ///< mean F of them, each within +-4
   bool leaked = false;
   int iterations = 0;
 };
+
+/// What the look memory compares. Only of a look with a refined rim.
+LookFeatures features_of(const Observation& seen);
 
 class ObjectView {
  public:

@@ -23,6 +23,11 @@ constexpr int kTaper = 8;  // px at a quarter resolution: an edge would correlat
 // 1: phase correlation, which noise dominates; 0: plain correlation, which the largest structures
 // dominate.
 constexpr double kWhitening = 0.75;
+// Of the overlap's parts with structure: fewer are no verification.
+constexpr int kFewestParts = 3;
+constexpr double kLeastAgreeing = 0.6;
+constexpr double kFlattening_px = 0.25;
+constexpr double kMostOff_px = 1.0;  // of them: beyond it the model does not fit
 
 // Linear taper to 0 at the border, against the spectrum's leakage.
 cv::Mat tapered(const cv::Mat& image) {
@@ -163,6 +168,21 @@ std::optional<Registration> refine_registration(const RegistrationView& first,
     }
     if (level > 0) scale_shift(second_from_first, 2);
   }
+  // Verified by the parts of the overlap at half the resolution, where noise matters less: a pose
+  // that only what is fixed to the sensor agrees with, or a model that does not fit, shows there.
+  Eigen::Affine2d halved = second_from_first;
+  scale_shift(halved, 0.5);
+  const PartAgreement parts = agreement_of(first, second, halved, 1);
+  if (parts.parts < kFewestParts || parts.agreeing < kLeastAgreeing * parts.parts ||
+      2 * parts.rms_px > kMostOff_px)
+    return std::nullopt;
+  result.agreeing = static_cast<double>(parts.agreeing) / parts.parts;
+  // The flattening differs between two views and moves a part by up to a quarter of a pixel, each
+  // its own way; what is left beyond that, and beyond the noise, the model cannot follow.
+  const double noise = result.sigma_px * std::sqrt(static_cast<double>(parts.agreeing));
+  const double left =
+      std::max(std::hypot(2 * parts.rms_px, noise) - kFlattening_px - 2 * noise, 0.0);
+  result.sigma_px = std::hypot(result.sigma_px, left);
   result.first_from_second = second_from_first.inverse();
   return result;
 }

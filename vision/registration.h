@@ -14,8 +14,11 @@ namespace vitreo::vision {
 struct Registration {
   Eigen::Affine2d first_from_second = Eigen::Affine2d::Identity();  ///< px
   double correlation = 0;
-  double overlap = 0;   ///< share of the second view
-  double sigma_px = 0;  ///< standard deviation of the overlap's points, from the images' noise
+  double overlap = 0;  ///< share of the second view
+  /// Standard deviation of the overlap's points: from the images' noise, and from what parts of the
+  /// overlap, each on its own, would be moved.
+  double sigma_px = 0;
+  double agreeing = 1;  ///< share of the parts with structure that correlate
 };
 
 /// Without any guess: phase correlation (Kuglin & Hines 1975), partly whitened, at each angle of a

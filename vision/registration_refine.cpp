@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -23,9 +24,12 @@ constexpr double kSharedNoise = 4 * std::numbers::pi;
 // Calls f(column, row, gray value of the second view there) for the pixels of the first that the
 // second covers, by bilinear interpolation.
 // The outermost pixels of the first view are left out, where central differences have no neighbor.
+// What either view leaves out is not called for.
 template <typename F>
-void for_overlap(const cv::Mat& first, const cv::Mat& second,
+void for_overlap(const RegistrationView::Level& in_first, const RegistrationView::Level& in_second,
                  const Eigen::Affine2d& second_from_first, int step, F f) {
+  const cv::Mat& first = in_first.image;
+  const cv::Mat& second = in_second.image;
   const double right = second.cols - 1.001;
   const double bottom = second.rows - 1.001;
   const Eigen::Vector2d along = second_from_first.linear().col(0);
@@ -37,6 +41,9 @@ void for_overlap(const cv::Mat& first, const cv::Mat& second,
       if (!(x >= 0 && y >= 0 && x <= right && y <= bottom)) continue;
       const int i = static_cast<int>(x);
       const int j = static_cast<int>(y);
+      if (in_first.valid.at<unsigned char>(v, u) == 0 ||
+          in_second.valid.at<unsigned char>(j, i) == 0)
+        continue;
       const double s = x - i;
       const double t = y - j;
       const float* const a = second.ptr<float>(j) + i;
@@ -65,11 +72,12 @@ struct PairMoments {
 };
 
 // Every `step`-th pixel and row; moments need fewer samples than the equations.
-PairMoments pair_moments(const cv::Mat& first, const cv::Mat& second,
+PairMoments pair_moments(const RegistrationView::Level& first,
+                         const RegistrationView::Level& second,
                          const Eigen::Affine2d& second_from_first, int step) {
   PairMoments m;
   for_overlap(first, second, second_from_first, step,
-              [&](int u, int v, double gray) { m.add(first.at<float>(v, u), gray); });
+              [&](int u, int v, double gray) { m.add(first.image.at<float>(v, u), gray); });
   return m;
 }
 
@@ -98,7 +106,8 @@ struct ViewFrame {
 // both standardized; weights 1 / (1 + (r / c)^2) (Cauchy).
 // Only the first view's gradients enter, which RegistrationView has computed once: that is what
 // inverse compositional saves.
-RefineEquations refine_equations(const RegistrationView::Level& first, const cv::Mat& second,
+RefineEquations refine_equations(const RegistrationView::Level& first,
+                                 const RegistrationView::Level& second,
                                  const Eigen::Affine2d& second_from_first, const PairMoments& m,
                                  double outlier) {
   RefineEquations e;
@@ -108,7 +117,7 @@ RefineEquations refine_equations(const RegistrationView::Level& first, const cv:
   const double sa = m.sigma_a();
   const double sb = m.sigma_b();
   Vector6 sum = Vector6::Zero();
-  for_overlap(first.image, second, second_from_first, 1, [&](int u, int v, double gray) {
+  for_overlap(first, second, second_from_first, 1, [&](int u, int v, double gray) {
     const double miss = (gray - b) / sb - (first.image.at<float>(v, u) - a) / sa;
     const double gu = first.du.at<float>(v, u) / sa;
     const double gv = first.dv.at<float>(v, u) / sa;
@@ -129,12 +138,15 @@ RefineEquations refine_equations(const RegistrationView::Level& first, const cv:
 }
 
 // Basis of the model's changes within the six: all, or a small turn (-y, x) and the two shifts.
-// A Euclidean step has three unknowns, so that noise cannot become scale or shear.
+// A Euclidean step has three unknowns, a similarity's a scale (x, y) as well, so that noise cannot
+// become shear.
 Eigen::Matrix<double, 6, Eigen::Dynamic> freedoms_of(ViewModel model) {
   if (model == ViewModel::affine) return Matrix6::Identity();
-  Eigen::Matrix<double, 6, 3> freedoms = Eigen::Matrix<double, 6, 3>::Zero();
+  Eigen::Matrix<double, 6, Eigen::Dynamic> freedoms =
+      Eigen::MatrixXd::Zero(6, model == ViewModel::similarity ? 4 : 3);
   freedoms(1, 0) = -1, freedoms(3, 0) = 1;
   freedoms(2, 1) = 1, freedoms(5, 2) = 1;
+  if (model == ViewModel::similarity) freedoms(0, 3) = 1, freedoms(4, 3) = 1;
   return freedoms;
 }
 
@@ -156,11 +168,10 @@ Eigen::Affine2d change_of(const Vector6& d, const ViewFrame& frame, ViewModel mo
 // An empty overlap has correlation and share 0.
 ViewOverlap overlap_of(const RegistrationView& first, const RegistrationView& second,
                        const Eigen::Affine2d& second_from_first, int level, int step) {
-  const cv::Mat& a = first.level(level).image;
-  const cv::Mat& b = second.level(level).image;
-  const PairMoments m = pair_moments(a, b, second_from_first, step);
+  const RegistrationView::Level& b = second.level(level);
+  const PairMoments m = pair_moments(first.level(level), b, second_from_first, step);
   if (m.n < 2) return {};
-  return {m.correlation(), m.n * step * step / static_cast<double>(b.total())};
+  return {m.correlation(), m.n * step * step / static_cast<double>(b.image.total())};
 }
 
 // Nothing with fewer than 400 pixels in common, or where the structure does not determine the step,
@@ -169,12 +180,12 @@ std::optional<double> refine_at_level(const RegistrationView& first, const Regis
                                       Eigen::Affine2d& second_from_first, int level,
                                       ViewModel model) {
   const RegistrationView::Level& a = first.level(level);
-  const cv::Mat& b = second.level(level).image;
+  const RegistrationView::Level& b = second.level(level);
   const Eigen::Matrix<double, 6, Eigen::Dynamic> freedoms = freedoms_of(model);
   double sigma = 0;
   double outlier = kOutlier;
   for (int k = 0; k < kIterations; ++k) {
-    const PairMoments m = pair_moments(a.image, b, second_from_first, 2);
+    const PairMoments m = pair_moments(a, b, second_from_first, 2);
     if (4 * m.n < kFewestPixels) return std::nullopt;
     const RefineEquations e = refine_equations(a, b, second_from_first, m, outlier);
     const Eigen::LDLT<Eigen::MatrixXd> solver(freedoms.transpose() * e.information * freedoms);
@@ -197,6 +208,55 @@ std::optional<double> refine_at_level(const RegistrationView& first, const Regis
     if (change.lpNorm<Eigen::Infinity>() < kConvergedPx) break;
   }
   return sigma;
+}
+
+namespace {
+
+// Sums of one part of the overlap, for its correlation and its own shift.
+struct Part {
+  PairMoments moments;
+  Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d right{0, 0};
+};
+
+constexpr int kPartsPerSide = 6;
+constexpr double kFewestInPart = 150;   // pixels
+constexpr double kPartStructure = 0.3;  // standard deviations of the whole view
+constexpr double kPartAgrees = 0.4;     // correlation
+
+}  // namespace
+
+// One Gauss-Newton step of a shift alone in each part of the first view (Lucas & Kanade 1981). A
+// part whose structure shows in both views and does not correlate speaks against the pose.
+PartAgreement agreement_of(const RegistrationView& first, const RegistrationView& second,
+                           const Eigen::Affine2d& second_from_first, int level) {
+  const RegistrationView::Level& a = first.level(level);
+  std::array<Part, kPartsPerSide * kPartsPerSide> parts;
+  const auto part_at = [&](int u, int v) -> Part& {
+    return parts[static_cast<std::size_t>((v * kPartsPerSide / a.image.rows) * kPartsPerSide +
+                                          u * kPartsPerSide / a.image.cols)];
+  };
+  for_overlap(a, second.level(level), second_from_first, 1, [&](int u, int v, double gray) {
+    Part& part = part_at(u, v);
+    const double value = a.image.at<float>(v, u);
+    const Eigen::Vector2d slope(a.du.at<float>(v, u), a.dv.at<float>(v, u));
+    part.moments.add(value, gray);
+    part.information += slope * slope.transpose();
+    part.right += (gray - value) * slope;
+  });
+  PartAgreement result;
+  double squares = 0;
+  for (const Part& part : parts) {
+    const PairMoments& m = part.moments;
+    if (m.n < kFewestInPart || std::min(m.sigma_a(), m.sigma_b()) < kPartStructure) continue;
+    ++result.parts;
+    if (m.correlation() < kPartAgrees) continue;
+    ++result.agreeing;
+    const Eigen::Vector2d off = part.information.ldlt().solve(part.right);
+    if (off.allFinite()) squares += off.squaredNorm() / 2;
+  }
+  if (result.agreeing > 0) result.rms_px = std::sqrt(squares / result.agreeing);
+  return result;
 }
 
 }  // namespace vitreo::vision

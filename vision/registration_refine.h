@@ -28,4 +28,15 @@ std::optional<double> refine_at_level(const RegistrationView& first, const Regis
                                       Eigen::Affine2d& second_from_first, int level,
                                       ViewModel model);
 
+/// How the overlap's parts, each on its own, agree with a pose: how many show structure, how many
+/// of them correlate, and by how much these would be moved, px of the level, root mean square of a
+/// coordinate.
+struct PartAgreement {
+  int parts = 0;
+  int agreeing = 0;
+  double rms_px = 0;
+};
+PartAgreement agreement_of(const RegistrationView& first, const RegistrationView& second,
+                           const Eigen::Affine2d& second_from_first, int level);
+
 }  // namespace vitreo::vision

@@ -64,6 +64,44 @@ cv::Mat vignette_of(const cv::Mat& light) {
   return vignette;
 }
 
+constexpr int kSaturated = 250;  // gray level
+
+// Saturated pixels and the halo of each group of them: what saturates is a lamp's reflex, which
+// stays in the sensor's frame while the retina moves. A reflex' flanks reach about as far beyond
+// its saturated part as that is wide.
+cv::Mat saturated_in(const cv::Mat& view) {
+  cv::Mat most = view;
+  if (view.channels() == 3) {
+    std::vector<cv::Mat> planes;
+    cv::split(view, planes);
+    cv::min(planes[0], planes[1], most);  // white: red alone saturates in a fundus too
+    cv::min(most, planes[2], most);
+  }
+  const cv::Mat full = most >= kSaturated;
+  cv::Mat out = cv::Mat::zeros(view.size(), CV_8UC1);
+  cv::Mat labels;
+  cv::Mat statistics;
+  cv::Mat centers;
+  const int count = cv::connectedComponentsWithStats(full, labels, statistics, centers);
+  for (int k = 1; k < count; ++k) {
+    const int area = statistics.at<int>(k, cv::CC_STAT_AREA);
+    if (area < 4) continue;
+    const int more =
+        std::clamp(static_cast<int>(1.4 * std::sqrt(area / std::numbers::pi)) + 3, 4, 40);
+    const cv::Rect box(
+        statistics.at<int>(k, cv::CC_STAT_LEFT), statistics.at<int>(k, cv::CC_STAT_TOP),
+        statistics.at<int>(k, cv::CC_STAT_WIDTH), statistics.at<int>(k, cv::CC_STAT_HEIGHT));
+    const cv::Rect around =
+        cv::Rect(box.x - more, box.y - more, box.width + 2 * more, box.height + 2 * more) &
+        cv::Rect({0, 0}, view.size());
+    cv::Mat part = labels(around) == k;
+    cv::dilate(part, part,
+               cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * more + 1, 2 * more + 1}));
+    out(around) |= part;
+  }
+  return out;
+}
+
 // Flat-field correction: the view, smoothed by 1 px, over its vignette times a wide Gaussian mean,
 // both estimated on a small copy: uneven light goes, vessels stay.
 // A small copy suffices, as light varies slowly; it makes the wide filter cheap.
@@ -100,7 +138,12 @@ void RegistrationSettings::check() const {
 RegistrationView::RegistrationView(const cv::Mat& view, const RegistrationSettings& settings)
     : size_(view.size()) {
   settings.check();
-  cv::Mat flat = flattened(gray_of(view), settings.flatten_sigma_px);
+  cv::Mat gray = gray_of(view);
+  const cv::Mat out = saturated_in(view);
+  // The mean in place of a reflex: its light would darken the flattened view all round it.
+  if (cv::countNonZero(out) > 0 && cv::countNonZero(out) < gray.rows * gray.cols)
+    gray.setTo(cv::mean(gray, out == 0), out);
+  cv::Mat flat = flattened(gray, settings.flatten_sigma_px);
   cv::Scalar mean;
   cv::Scalar contrast;
   cv::meanStdDev(flat, mean, contrast);
@@ -112,6 +155,25 @@ RegistrationView::RegistrationView(const cv::Mat& view, const RegistrationSettin
     cv::Sobel(flat, level.dv, CV_32F, 0, 1, 1, 0.5);
     cv::pyrDown(flat, flat);
   }
+  mask_levels(out);
+}
+
+// 0 is the flattened mean: what is left out correlates with nothing.
+void RegistrationView::mask_levels(const cv::Mat& out) {
+  cv::Mat left = out;
+  for (Level& level : levels_) {
+    if (left.size() != level.image.size())
+      cv::resize(left, left, level.image.size(), 0, 0, cv::INTER_AREA);
+    if (level.valid.empty()) level.valid = cv::Mat(level.image.size(), CV_8UC1, cv::Scalar(255));
+    level.valid.setTo(0, left != 0);
+    level.image.setTo(0, left != 0);
+  }
+}
+
+void RegistrationView::leave_out(const cv::Mat& fixed) {
+  require(fixed.type() == CV_8UC1 && fixed.size() == size_,
+          "fixed: must be 8-bit gray of the view's size");
+  mask_levels(fixed);
 }
 
 }  // namespace vitreo::vision

@@ -12,10 +12,11 @@ namespace vitreo::vision {
 enum class ViewModel {
   euclidean,  ///< a sensor that turns and shifts in the aerial image's plane
   affine,     ///< also scale and shear: a tilted sensor
+  similarity  ///< turn, shift and scale: a focus or a zoom that changed between the views
 };
 
 struct RegistrationSettings {
-  ViewModel model = ViewModel::euclidean;
+  ViewModel model = ViewModel::similarity;
   double max_rotation = std::numbers::pi / 6;  ///< between two views, rad, either way
   double flatten_sigma_px = 20;                ///< structure larger than this is light, not retina
   double min_overlap = 0.1;                    ///< share of the view that must be common
@@ -35,12 +36,17 @@ class RegistrationView {
     cv::Mat image;  // CV_32F, of standard deviation about 1
     cv::Mat du;     // its gradient along the rows, CV_32F
     cv::Mat dv;     // and along the columns
+    cv::Mat valid;  // CV_8U, 0 where the sensor was saturated, or shows something of its own
   };
   const Level& level(int level) const { return levels_[static_cast<std::size_t>(level)]; }
   const cv::Size& size() const { return size_; }
   bool blank() const { return blank_; }  ///< no structure to register
+  /// `fixed`: CV_8UC1 of the view's size, not 0 where something is fixed to the sensor. Throws
+  /// std::invalid_argument for another type or size.
+  void leave_out(const cv::Mat& fixed);
 
  private:
+  void mask_levels(const cv::Mat& out);
   cv::Size size_;
   bool blank_ = false;
   std::array<Level, kLevels> levels_;

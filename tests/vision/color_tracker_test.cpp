@@ -26,13 +26,29 @@ std::vector<generated::Frame> frames_of(int count) {
   return frames;
 }
 
-TEST(ColorTracker, finds_the_robot_in_the_first_frame) {
+/// Once it is found a robot is believed.
+const ColorTrackerSettings kAtOnce = [] {
+  ColorTrackerSettings settings;
+  settings.confirm_frames = 1;
+  return settings;
+}();
+
+TEST(ColorTracker, finds_the_robot_in_the_first_frame_and_believes_it_in_the_third) {
   for (const std::uint64_t seed : {801U, 802U, 803U, 804U}) {
     generated::Sequence sequence({.seed = seed});
     ColorTracker tracker(ObjectModel::train(sequence.training(8), {}, {}), {});
-    const generated::Frame frame = sequence.frame(0);
+    for (int k = 0; k < 2; ++k) {
+      const generated::Frame before = sequence.frame(k);
+      const Track found = tracker.update(before.image);
+      ASSERT_EQ(found.state, TrackState::searching);
+      ASSERT_TRUE(found.candidate);
+      EXPECT_LT((found.candidate->center_px - before.truth.center_px).norm(), 1.5);
+    }
+    const generated::Frame frame = sequence.frame(2);
     const Track track = tracker.update(frame.image);
     ASSERT_EQ(track.state, TrackState::tracking);
+    EXPECT_GT(track.margin.value(), 0);
+    EXPECT_TRUE(track.self_measured);
     EXPECT_LT((track.measured->ellipse.center_px - frame.truth.center_px).norm(),
               1);  // px: twice the mean's goal
   }
@@ -40,7 +56,7 @@ TEST(ColorTracker, finds_the_robot_in_the_first_frame) {
 
 TEST(ColorTracker, gives_the_same_tracks_for_the_same_images) {
   const auto frames = frames_of(12);
-  ColorTracker one(model(), {}), other(model(), {});
+  ColorTracker one(model(), kAtOnce), other(model(), kAtOnce);
   for (const auto& frame : frames) {
     const Track a = one.update(frame.image), b = other.update(frame.image);
     ASSERT_EQ(a.state, b.state);
@@ -52,7 +68,7 @@ TEST(ColorTracker, gives_the_same_tracks_for_the_same_images) {
 
 TEST(ColorTracker, tracks_alike_with_a_model_that_was_saved_and_loaded) {
   const auto frames = frames_of(4);
-  ColorTracker fresh(model(), {}), loaded(ObjectModel::load(model().save()), {});
+  ColorTracker fresh(model(), kAtOnce), loaded(ObjectModel::load(model().save()), kAtOnce);
   for (const auto& frame : frames) {
     const Track a = fresh.update(frame.image), b = loaded.update(frame.image);
     ASSERT_TRUE(a.measured && b.measured);
@@ -66,7 +82,7 @@ TEST(ColorTracker, reports_nothing_in_blank_saturated_or_noisy_images_whatever_i
     cv::Mat image(480, 640, CV_8UC3, cv::Scalar::all(kind == 0 ? 0 : (kind == 1 ? 255 : 90)));
     cv::RNG random(7);
     if (kind == 3) random.fill(image, cv::RNG::UNIFORM, 0, 256);
-    ColorTracker tracker(model(), {});
+    ColorTracker tracker(model(), kAtOnce);
     EXPECT_EQ(tracker.update(image).state, TrackState::searching);
     tracker.update(frames[0].image);
     ASSERT_EQ(tracker.update(frames[1].image).state, TrackState::tracking);
@@ -131,7 +147,7 @@ TEST(ColorTracker, refuses_what_it_can_not_use) {
 
 TEST(ColorTracker, does_not_enter_what_another_object_owns) {
   const auto frame = frames_of(1)[0];
-  ColorTracker tracker(model(), {});
+  ColorTracker tracker(model(), kAtOnce);
   const cv::Mat owned(480, 640, CV_8UC1, cv::Scalar(2));
   EXPECT_EQ(tracker.update(frame.image, {owned, 1}).state, TrackState::searching);
   EXPECT_EQ(tracker.update(frame.image, {owned, 2}).state, TrackState::tracking);

@@ -34,16 +34,18 @@ TEST(MultiTracker, never_takes_one_for_another_while_the_robot_is_hidden) {
       {.seed = 33, .one_color = true, .meeting = Meeting::touching, .hidden_from = 18}, 50);
   EXPECT_EQ(s.wrong, 0);
   EXPECT_EQ(s.swapped, 0);
-  EXPECT_LE(s.lost, 6);  // three frames each for the robot and the disc that the bar covers with it
+  // Two of them each to believe what is found; the rest where the bar leaves too little of a disc
+  // to be like one in training (docs/vision.md).
+  EXPECT_LE(s.lost, 26);
 }
 
 TEST(MultiTracker, of_one_object_gives_the_tracks_of_a_color_tracker_to_the_bit) {
-  Sequence sequence({.seed = 34, .hidden_from = 5, .hidden_frames = 8});  // lost, and found again
+  Sequence sequence({.seed = 34, .hidden_from = 8, .hidden_frames = 8});  // lost, and found again
   const ObjectModel model = ObjectModel::train(sequence.training(8), {}, {});
   ColorTracker alone(model, {});
   MultiTracker one({{model, {}}});
   int lost = 0, tracked = 0;
-  for (int k = 0; k < 18; ++k) {
+  for (int k = 0; k < 24; ++k) {
     const cv::Mat image = sequence.frame(k).image;
     const Track a = alone.update(image), b = one.update(image).front();
     ASSERT_EQ(a.state, b.state) << k;

@@ -4,6 +4,7 @@
 #include "tests/vision/retina.h"
 
 #include <gtest/gtest.h>
+#include <opencv2/imgproc.hpp>
 
 #include <cmath>
 #include <iostream>
@@ -93,6 +94,76 @@ TEST(Registration, finds_scale_and_shear_when_they_are_allowed) {
     EXPECT_LT(error_px(found->first_from_second, pair.first_from_second), 0.2)
         << k;  // twice as many unknowns
   }
+}
+
+// Three lens reflexes, white, where the sensor has them.
+void add_reflexes(cv::Mat& view) {
+  for (const auto& [center, sigma] : {std::pair(cv::Point(180, 150), 9.0),
+                                      {cv::Point(450, 120), 7.0},
+                                      {cv::Point(330, 360), 12.0}}) {
+    for (int v = 0; v < view.rows; ++v) {
+      for (int u = 0; u < view.cols; ++u) {
+        const double r2 = (u - center.x) * (u - center.x) + (v - center.y) * (v - center.y);
+        const double more = 520 * std::exp(-r2 / (2 * sigma * sigma));
+        auto& at = view.at<unsigned char>(v, u);
+        at = cv::saturate_cast<unsigned char>(at + more);
+      }
+    }
+  }
+}
+
+TEST(Registration, is_not_fooled_by_reflexes_that_are_fixed_in_the_image) {
+  std::mt19937_64 random(21);
+  const RegistrationSettings settings;
+  int right = 0, wrong = 0;
+  constexpr int kPairs = 8;
+  for (int k = 0; k < kPairs; ++k) {
+    Pair pair = random_pair(random);
+    add_reflexes(pair.first);
+    add_reflexes(pair.second);
+    const auto found = register_views(RegistrationView(pair.first, settings),
+                                      RegistrationView(pair.second, settings), settings);
+    if (found) ++(error_px(found->first_from_second, pair.first_from_second) < 1 ? right : wrong);
+  }
+  std::cout << "reflexes: " << right << " right, " << wrong << " wrong of " << kPairs << "\n";
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GE(right, 7);
+}
+
+// Other parts of a retina behind the same dirt, which is dark and saturates nothing.
+TEST(Registration, refuses_views_that_agree_on_the_dirt_of_the_sensor_alone) {
+  std::mt19937_64 random(22);
+  const RegistrationSettings settings;
+  for (int k = 0; k < 6; ++k) {
+    cv::Mat first = synthetic::view_of(picture(), synthetic::picture_from_view({700, 600}, 0.2 * k),
+                                       {}, random);
+    const cv::Mat other = synthetic::retina({800, 640}, 300 + static_cast<std::uint64_t>(k));
+    cv::Mat second =
+        synthetic::view_of(other, synthetic::picture_from_view({400, 320}, 0), {}, random);
+    for (cv::Mat* view : {&first, &second})
+      for (const cv::Point& at : {cv::Point(120, 90), {300, 250}, {500, 330}, {210, 400}})
+        cv::circle(*view, at, 12, cv::Scalar(40), cv::FILLED, cv::LINE_AA);
+    EXPECT_FALSE(register_views(RegistrationView(first, settings),
+                                RegistrationView(second, settings), settings))
+        << k;
+  }
+}
+
+TEST(Registration, follows_a_zoom_of_a_tenth) {
+  std::mt19937_64 random(23);
+  const RegistrationSettings settings;
+  int right = 0, wrong = 0;
+  for (const double zoom : {0.9, 0.97, 1.03, 1.1}) {
+    for (int k = 0; k < 2; ++k) {
+      const Pair pair = random_pair(random, zoom * Eigen::Matrix2d::Identity());
+      const auto found = register_views(RegistrationView(pair.first, settings),
+                                        RegistrationView(pair.second, settings), settings);
+      if (found) ++(error_px(found->first_from_second, pair.first_from_second) < 1 ? right : wrong);
+    }
+  }
+  std::cout << "zoom: " << right << " right, " << wrong << " wrong of 8\n";
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GE(right, 4);  // the others are refused: the search has no scale of its own
 }
 
 TEST(Registration, works_where_vessels_are_faint) {

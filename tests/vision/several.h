@@ -99,7 +99,7 @@ inline SeveralScore score_several(const SeveralSettings& chosen, int frames) {
     const bool covered = frame.visible < 0.99;
     for (std::size_t i = 0; i < 4; ++i) {
       if (tracks[i].state != TrackState::tracking) {
-        score.lost += !covered;
+        score.lost += !covered && k + 1 >= ColorTrackerSettings{}.confirm_frames;
         continue;
       }
       const Eigen::Vector2d at = tracks[i].measured->ellipse.center_px;

@@ -15,7 +15,8 @@
 namespace vitreo::vision::generated {
 
 struct Score {
-  int frames = 0, lost = 0, wrong = 0, seen = 0;
+  int frames = 0, wrong = 0, seen = 0;
+  int lost = 0;            ///< beyond the frames that a find takes to be believed
   int hidden_tracked = 0;  ///< frames reported tracking though nothing of the object is visible
   std::optional<int> found_again_after;  ///< frames from the end of the hiding to the first track
   double center_px = 0, major_px = 0, minor_px = 0,
@@ -41,13 +42,15 @@ inline Score score(const SequenceSettings& settings, int frames,
   ColorTracker tracker(ObjectModel::train(sequence.training(24), color, chosen.view), chosen);
   Score score;
   score.frames = frames;
+  int in_view = 0;
   const int hidden_end = settings.hidden_from + settings.hidden_frames;
   for (int k = 0; k < frames; ++k) {
     const Frame frame = sequence.frame(k);
     const Track track = tracker.update(frame.image);
     const bool hidden = frame.visible <= 0, tracking = track.state == TrackState::tracking;
+    in_view = hidden ? 0 : in_view + 1;
     if (!tracking) {
-      score.lost += frame.visible >= 0.3;
+      score.lost += frame.visible >= 0.3 && in_view >= chosen.confirm_frames;
       continue;
     }
     const double off = (track.measured->ellipse.center_px - frame.truth.center_px).norm();

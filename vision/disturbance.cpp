@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/disturbance.h"
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace vitreo::vision {
+namespace {
+
+// The loss of JPEG without its file: cosine coefficients of 8 x 8 pixels of luma and of chroma at
+// half the resolution, in steps that grow with the frequency, about those of the standard's annex
+// K.
+void compress(cv::Mat& image, int quality) {
+  cv::Mat luma_chroma;
+  cv::cvtColor(image, luma_chroma, cv::COLOR_BGR2YCrCb);
+  std::vector<cv::Mat> planes;
+  cv::split(luma_chroma, planes);
+  const double scale = quality < 50 ? 50.0 / quality : 2 - quality / 50.0;
+  for (std::size_t p = 0; p < 3; ++p) {
+    cv::Mat plane = planes[p];
+    if (p > 0) cv::resize(planes[p], plane, {}, 0.5, 0.5, cv::INTER_AREA);
+    plane.convertTo(plane, CV_32F, 1, -128);
+    for (int v = 0; v + 8 <= plane.rows; v += 8) {
+      for (int u = 0; u + 8 <= plane.cols; u += 8) {
+        cv::Mat block = plane(cv::Rect(u, v, 8, 8));
+        cv::Mat c;
+        cv::dct(block, c);
+        for (int i = 0; i < 64; ++i) {
+          const double step = scale * ((p == 0 ? 11 : 16) + (p == 0 ? 7 : 11) * (i / 8 + i % 8));
+          auto& value = c.at<float>(i / 8, i % 8);
+          value = static_cast<float>(step * std::round(value / step));
+        }
+        cv::idct(c, block);
+      }
+    }
+    plane.convertTo(plane, CV_8U, 1, 128);
+    if (p > 0)
+      cv::resize(plane, planes[p], image.size(), 0, 0, cv::INTER_LINEAR);
+    else
+      planes[p] = plane;
+  }
+  cv::merge(planes, luma_chroma);
+  cv::cvtColor(luma_chroma, image, cv::COLOR_YCrCb2BGR);
+}
+
+void add_noise(cv::Mat& image, double sigma, cv::RNG& random) {
+  cv::Mat noise(image.size(), CV_16SC3);
+  random.fill(noise, cv::RNG::NORMAL, 0, sigma);
+  cv::add(image, noise, image, cv::noArray(), CV_8UC3);
+}
+
+// All on one side of a line at `offset` semi-minor axes from the center gets one of the image's own
+// colors, from a random place.
+void cover(cv::Mat& image, const Ellipse& object, double offset, cv::RNG& random) {
+  const double angle = random.uniform(0.0, 2 * CV_PI);
+  const cv::Point2d across(std::cos(angle), std::sin(angle));
+  const cv::Point2d along(-across.y, across.x);
+  const cv::Point2d from = cv::Point2d(object.center_px.x(), object.center_px.y()) +
+                           offset * object.semi_minor_px * across;
+  const cv::Vec3b color =
+      image.at<cv::Vec3b>(random.uniform(0, image.rows), random.uniform(0, image.cols));
+  std::vector<cv::Point> corners;
+  for (const cv::Point2d& p :
+       {from - 2000 * along, from + 2000 * along, from + 2000 * along + 2000 * across,
+        from - 2000 * along + 2000 * across})
+    corners.emplace_back(cvRound(p.x), cvRound(p.y));
+  cv::fillConvexPoly(image, corners, cv::Scalar(color[0], color[1], color[2]), cv::LINE_AA);
+}
+
+// A reflex of light that no body reflects, `away` semi-minor axes from the center.
+void outshine(cv::Mat& image, const Ellipse& object, double away, double sigma, cv::RNG& random) {
+  const double angle = random.uniform(0.0, 2 * CV_PI);
+  const double u0 = object.center_px.x() + away * object.semi_minor_px * std::cos(angle);
+  const double v0 = object.center_px.y() + away * object.semi_minor_px * std::sin(angle);
+  for (int v = 0; v < image.rows; ++v) {
+    auto* at = image.ptr<cv::Vec3b>(v);
+    for (int u = 0; u < image.cols; ++u) {
+      const double r2 = (u - u0) * (u - u0) + (v - v0) * (v - v0);
+      if (r2 > 16 * sigma * sigma) continue;
+      const double more = 500 * std::exp(-r2 / (2 * sigma * sigma));
+      for (int c = 0; c < 3; ++c) at[u][c] = cv::saturate_cast<unsigned char>(at[u][c] + more);
+    }
+  }
+}
+
+void scale_channels(cv::Mat& image, double blue, double green, double red) {
+  cv::multiply(image, cv::Scalar(blue, green, red), image);
+}
+
+// Light that falls off to one side, as in a corner of the view or at a spot's edge.
+void slope(cv::Mat& image, double least, cv::RNG& random) {
+  const double angle = random.uniform(0.0, 2 * CV_PI);
+  const double half = std::hypot(image.cols, image.rows) / 2;
+  for (int v = 0; v < image.rows; ++v) {
+    auto* at = image.ptr<cv::Vec3b>(v);
+    for (int u = 0; u < image.cols; ++u) {
+      const double along =
+          ((u - image.cols / 2.0) * std::cos(angle) + (v - image.rows / 2.0) * std::sin(angle)) /
+          half;
+      const double gain = 1 - (1 - least) * (along + 1) / 2;
+      for (int c = 0; c < 3; ++c) at[u][c] = cv::saturate_cast<unsigned char>(at[u][c] * gain);
+    }
+  }
+}
+
+void smear(cv::Mat& image, int length, cv::RNG& random) {
+  const double angle = random.uniform(0.0, CV_PI);
+  cv::Mat kernel = cv::Mat::zeros(length, length, CV_32F);
+  const double middle = (length - 1) / 2.0;
+  for (double t = -middle; t <= middle; t += 0.25)
+    kernel.at<float>(cvRound(middle + t * std::sin(angle)),
+                     cvRound(middle + t * std::cos(angle))) += 1;
+  kernel /= cv::sum(kernel)[0];
+  cv::filter2D(image, image, -1, kernel);
+}
+
+}  // namespace
+
+// The kinds in the order of issue 22's list: light, cast, compression, defocus, smear, noise,
+// cover, glare.
+cv::Mat disturbed(const cv::Mat& image, const Ellipse& object, int kind, std::uint64_t seed) {
+  cv::RNG random(seed * 0x9e3779b97f4a7c15ULL + static_cast<std::uint64_t>(kind) + 1);
+  cv::Mat result = image.clone();
+  const auto blurred = [&](double sigma) { cv::GaussianBlur(result, result, {0, 0}, sigma); };
+  switch (kind) {
+    case 1:
+      scale_channels(result, 0.5, 0.5, 0.5);
+      break;
+    case 2:
+      scale_channels(result, 0.7, 0.7, 0.7);
+      break;
+    case 3:
+      scale_channels(result, 1.3, 1.3, 1.3);
+      break;
+    case 4:
+      scale_channels(result, 1.6, 1.6, 1.6);
+      break;
+    case 5:
+      scale_channels(result, 1.15, 1, 0.88);
+      break;
+    case 6:
+      scale_channels(result, 0.85, 1, 1.1);
+      break;
+    case 7:
+      slope(result, 0.35, random);
+      break;
+    case 8:
+      compress(result, 50);
+      break;
+    case 9:
+      compress(result, 30);
+      break;
+    case 10:
+      compress(result, 12);
+      break;
+    case 11:
+      blurred(2.5);
+      break;
+    case 12:
+      blurred(4.5);
+      break;
+    case 13:
+      blurred(7.5);
+      break;
+    case 14:
+      smear(result, 9, random);
+      break;
+    case 15:
+      smear(result, 15, random);
+      break;
+    case 16:
+      add_noise(result, 8, random);
+      break;
+    case 17:
+      cover(result, object, 0.9, random);
+      break;
+    case 18:
+      cover(result, object, 0.5, random);
+      break;
+    case 19:
+      cover(result, object, 0.1, random);
+      break;
+    case 20:
+      outshine(result, object, 1.0, 9, random);
+      break;
+    case 21:
+      outshine(result, object, 1.6, 16, random);
+      break;
+    default:
+      break;
+  }
+  // A disturbed camera still has its noise.
+  if (kind > 0 && kind != 16) add_noise(result, 1.5, random);
+  return result;
+}
+
+}  // namespace vitreo::vision

@@ -1,0 +1,20 @@
+// Disturbances of a training image: other light, other focus, compression, noise, cover, glare, by
+// which training learns what a look at a worse image is worth.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "vision/ellipse.h"
+
+#include <opencv2/core/mat.hpp>
+
+#include <cstdint>
+
+namespace vitreo::vision {
+
+constexpr int kDisturbances = 22;  ///< kinds, from 0; 0 is the image as it is
+
+/// `image` (CV_8UC3) as it would be under disturbance `kind`. `object`: where what is covered or
+/// outshone lies. Same arguments, same image.
+cv::Mat disturbed(const cv::Mat& image, const Ellipse& object, int kind, std::uint64_t seed);
+
+}  // namespace vitreo::vision

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/look_memory.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vitreo::vision {
+namespace {
+
+constexpr std::size_t kNeighbors = 64;
+constexpr std::size_t kNearest = 16;  // of them, whose mean counts
+constexpr double kBandwidth = 0.45;   // of the densities, in units of the features
+constexpr double kLeastDensity = 1e-4;
+// Of looks at what no training image showed: a look that is like none at the object is not at it.
+constexpr double kUnknownDensity = 2e-3;
+// Means of chi^2 of two and three degrees of freedom.
+constexpr double kCenterMean = 2;
+constexpr double kShapeMean = 3;
+// The largest of the neighbors' squared errors lies at the edge of this region: a vessel beside the
+// rim moves one look in twenty by much and leaves no trace in it, so tails are heavier than a
+// Gaussian's, and what errs most in training is to lie well within 5 sigma.
+constexpr double kLargest = 14;
+constexpr double kCaution = 1.3;  // of a variance from 16 looks
+constexpr double kMostFactor = 400;
+constexpr int kMostLooks = 20000;  // of a file
+
+double squared_distance(const LookFeatures& a, const LookFeatures& b) {
+  float sum = 0;
+  for (std::size_t k = 0; k < a.size(); ++k) sum += (a[k] - b[k]) * (a[k] - b[k]);
+  return sum;
+}
+
+// Mean squared error of the neighbors over what it should be, or what their largest one demands.
+double factor_of(double sum, double largest, double count, double mean) {
+  return std::clamp(std::max(kCaution * sum / (count * mean), largest / kLargest), 1.0,
+                    kMostFactor);
+}
+
+void save_look(ByteWriter& out, const LookFeatures& look) {
+  for (const float value : look) out.f32(value);
+}
+
+LookFeatures load_look(ByteReader& in) {
+  LookFeatures look;
+  for (float& value : look) value = in.f32(-100, 100);
+  return look;
+}
+
+}  // namespace
+
+void LookMemory::add_object(const LookFeatures& look, double center, double shape) {
+  objects_.push_back({look, static_cast<float>(center), static_cast<float>(shape)});
+}
+
+void LookMemory::add_other(const LookFeatures& look) { others_.push_back(look); }
+
+// k nearest neighbors for the errors, Parzen densities (Gaussian kernels) for the likeness. A look
+// farther from all neighbors than the bandwidth is unlike anything in memory: its errors grow with
+// the distance.
+LookWorth LookMemory::worth(const LookFeatures& look) const {
+  LookWorth result;
+  if (objects_.empty()) return result;
+  struct Near {
+    double distance = 1e30;
+    const Object* object = nullptr;
+  };
+  std::array<Near, kNeighbors> near;  // sorted by insertion; on the stack: nothing is allocated
+  double like = 0;
+  for (const Object& object : objects_) {
+    const double d2 = squared_distance(look, object.look);
+    if (d2 < 9 * kBandwidth * kBandwidth) like += std::exp(-d2 / (2 * kBandwidth * kBandwidth));
+    if (d2 >= near.back().distance) continue;
+    std::size_t at = kNeighbors - 1;
+    for (; at > 0 && near[at - 1].distance > d2; --at) near[at] = near[at - 1];
+    near[at] = {d2, &object};
+  }
+  double unlike = 0;
+  for (const LookFeatures& other : others_) {
+    const double d2 = squared_distance(look, other);
+    if (d2 < 9 * kBandwidth * kBandwidth) unlike += std::exp(-d2 / (2 * kBandwidth * kBandwidth));
+  }
+  double center = 0;
+  double most_center = 0;
+  double shape = 0;
+  double most_shape = 0;
+  double count = 0;
+  for (std::size_t k = 0; k < near.size() && near[k].object != nullptr; ++k) {
+    const Object& one = *near[k].object;
+    most_center = std::max<double>(most_center, one.center);
+    most_shape = std::max<double>(most_shape, one.shape);
+    if (k >= kNearest) continue;
+    center += one.center, shape += one.shape;
+    ++count;
+  }
+  const double strange = std::max(1.0, near.front().distance / (4 * kBandwidth * kBandwidth));
+  result.center = strange * factor_of(center, most_center, count, kCenterMean);
+  result.shape = strange * factor_of(shape, most_shape, count, kShapeMean);
+  const auto objects = static_cast<double>(objects_.size());
+  const auto others = static_cast<double>(std::max<std::size_t>(others_.size(), 30));
+  result.likeness =
+      std::log((like / objects + kLeastDensity) / (unlike / others + kUnknownDensity));
+  return result;
+}
+
+void LookMemory::save(ByteWriter& out) const {
+  out.u32(static_cast<std::uint32_t>(objects_.size()));
+  for (const Object& object : objects_) {
+    save_look(out, object.look);
+    out.f32(object.center);
+    out.f32(object.shape);
+  }
+  out.u32(static_cast<std::uint32_t>(others_.size()));
+  for (const LookFeatures& other : others_) save_look(out, other);
+}
+
+LookMemory LookMemory::load(ByteReader& in) {
+  LookMemory memory;
+  const int objects = in.integer(0, kMostLooks);
+  for (int k = 0; k < objects; ++k) {
+    Object object;
+    object.look = load_look(in);
+    object.center = in.f32(0, 1e9F);
+    object.shape = in.f32(0, 1e9F);
+    memory.objects_.push_back(object);
+  }
+  const int others = in.integer(0, kMostLooks);
+  for (int k = 0; k < others; ++k) memory.others_.push_back(load_look(in));
+  return memory;
+}
+
+}  // namespace vitreo::vision

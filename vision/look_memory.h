@@ -1,0 +1,55 @@
+// Look memory: what looks at the training images, disturbed in many ways, were like, how far they
+// erred, and what looks at anatomy were like; by it a tracker knows what a look is worth.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "vision/bytes.h"
+
+#include <Eigen/Core>
+
+#include <array>
+#include <vector>
+
+namespace vitreo::vision {
+
+/// What a look says of itself, each in units in which a difference of one is a large one; filled by
+/// features_of() (object_view.h).
+constexpr int kLookFeatures = 9;
+using LookFeatures = std::array<float, kLookFeatures>;
+
+/// Worth of a look, by those in memory that were like it.
+struct LookWorth {
+  /// Factors on the covariance of the center, and of axes and angle.
+  double center = 1;
+  double shape = 1;
+  /// log(density of looks at the object / density of looks at anything else) among the like.
+  double likeness = 0;
+};
+
+class LookMemory {
+ public:
+  /// A look at the object. `center`, `shape`: its squared errors in units of the covariance that it
+  /// claimed (Mahalanobis, 2 and 3 degrees of freedom).
+  void add_object(const LookFeatures& look, double center, double shape);
+  /// A look at anatomy, or one gone astray.
+  void add_other(const LookFeatures& look);
+  LookWorth worth(const LookFeatures& look) const;
+  /// Nothing is known: worth() is then a factor of one and no likeness.
+  bool empty() const { return objects_.empty(); }
+  std::size_t objects() const { return objects_.size(); }
+  std::size_t others() const { return others_.size(); }
+
+  void save(ByteWriter& out) const;
+  static LookMemory load(ByteReader& in);
+
+ private:
+  struct Object {
+    LookFeatures look{};
+    float center = 0;
+    float shape = 0;
+  };
+  std::vector<Object> objects_;
+  std::vector<LookFeatures> others_;
+};
+
+}  // namespace vitreo::vision
