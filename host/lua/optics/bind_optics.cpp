@@ -241,10 +241,10 @@ const Class& optical_system_class() {
   static const Class kind = [] {
     Class made{
         "optical_system", "an eye with what stands before it; make one with optics.system", {}, {}};
-    for (auto rows : {system_table_rows(), system_first_order_rows(), system_ray_rows(),
-                      system_wave_rows(), system_map_rows(), system_tolerance_rows(),
-                      system_pose_rows(), system_chain_rows(), system_calibration_rows(),
-                      system_design_rows()})
+    for (auto rows :
+         {system_table_rows(), system_first_order_rows(), system_ray_rows(), system_wave_rows(),
+          system_map_rows(), system_tolerance_rows(), system_pose_rows(), system_chain_rows(),
+          system_calibration_rows(), system_design_rows()})
       for (Binding& row : rows) made.methods.push_back(std::move(row));
     return made;
   }();

@@ -18,10 +18,10 @@ struct Verdict {
   int inside = 0;        ///< tracked and there, within the measurement's own 95 %
   int there = 0;         ///< tracked and there
   int found_after = 0;   ///< most frames from coming into view to the first track of it, from 1
-  double du = 0;          ///< the same, signed: a bias shows in the mean
+  double du = 0;         ///< the same, signed: a bias shows in the mean
   double dv = 0;
-  double off_px = 0;     ///< summed over `there`
-  double seconds = 0;    ///< CPU time of update() alone
+  double off_px = 0;   ///< summed over `there`
+  double seconds = 0;  ///< CPU time of update() alone
   double worst_seconds = 0;
   int frames = 0;
   void add(const Verdict& other);
