@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <vector>
 
 namespace vitreo::vision {
@@ -87,10 +88,6 @@ void outshine(cv::Mat& image, const Ellipse& object, double away, double sigma, 
   }
 }
 
-void scale_channels(cv::Mat& image, double blue, double green, double red) {
-  cv::multiply(image, cv::Scalar(blue, green, red), image);
-}
-
 // Light that falls off to one side, as in a corner of the view or at a spot's edge.
 void slope(cv::Mat& image, double least, cv::RNG& random) {
   const double angle = random.uniform(0.0, 2 * CV_PI);
@@ -118,83 +115,85 @@ void smear(cv::Mat& image, int length, cv::RNG& random) {
   cv::filter2D(image, image, -1, kernel);
 }
 
+using Disturb = void (*)(cv::Mat& image, const Ellipse& object, cv::RNG& random);
+
+template <int Percent>
+void light(cv::Mat& image, const Ellipse&, cv::RNG&) {
+  cv::multiply(image, cv::Scalar::all(Percent * 0.01), image);
+}
+
+// A cast: the channels blue, green, red in percent, as of a lamp that warms up or a filter.
+template <int Blue, int Green, int Red>
+void cast(cv::Mat& image, const Ellipse&, cv::RNG&) {
+  cv::multiply(image, cv::Scalar(Blue * 0.01, Green * 0.01, Red * 0.01), image);
+}
+
+template <int Quality>
+void compressed(cv::Mat& image, const Ellipse&, cv::RNG&) {
+  compress(image, Quality);
+}
+
+// A Gaussian for the disc of a defocus: its sigma in tenths of a px.
+template <int Tenths>
+void defocused(cv::Mat& image, const Ellipse&, cv::RNG&) {
+  cv::GaussianBlur(image, image, {0, 0}, Tenths * 0.1);
+}
+
+template <int Length>
+void smeared(cv::Mat& image, const Ellipse&, cv::RNG& random) {
+  smear(image, Length, random);
+}
+
+// How far from the center the covered part begins, in tenths of the semi-minor axis.
+template <int Tenths>
+void covered(cv::Mat& image, const Ellipse& object, cv::RNG& random) {
+  cover(image, object, Tenths * 0.1, random);
+}
+
+// Where the reflex is, in tenths of the semi-minor axis, and its sigma, px.
+template <int Tenths, int Sigma>
+void outshone(cv::Mat& image, const Ellipse& object, cv::RNG& random) {
+  outshine(image, object, Tenths * 0.1, Sigma, random);
+}
+
+constexpr int kNoisy = 16;  // the kind that has its own noise
+
+// Light, cast, vignette, compression, defocus, smear, noise,
+// cover, glare. The first is the image as it is.
+constexpr Disturb kDisturb[] = {
+    [](cv::Mat&, const Ellipse&, cv::RNG&) {},
+    light<50>,
+    light<70>,
+    light<130>,
+    light<160>,
+    cast<115, 100, 88>,
+    cast<85, 100, 110>,
+    [](cv::Mat& image, const Ellipse&, cv::RNG& random) { slope(image, 0.35, random); },
+    compressed<50>,
+    compressed<30>,
+    compressed<12>,
+    defocused<25>,
+    defocused<45>,
+    defocused<75>,
+    smeared<9>,
+    smeared<15>,
+    [](cv::Mat& image, const Ellipse&, cv::RNG& random) { add_noise(image, 8, random); },
+    covered<9>,
+    covered<5>,
+    covered<1>,
+    outshone<10, 9>,
+    outshone<16, 16>};
+static_assert(std::size(kDisturb) == kDisturbances);
+
 }  // namespace
 
-// The kinds in the order of issue 22's list: light, cast, compression, defocus, smear, noise,
-// cover, glare.
+// Drawn anew for each kind and seed, so that no kind depends on those before it.
 cv::Mat disturbed(const cv::Mat& image, const Ellipse& object, int kind, std::uint64_t seed) {
   cv::RNG random(seed * 0x9e3779b97f4a7c15ULL + static_cast<std::uint64_t>(kind) + 1);
   cv::Mat result = image.clone();
-  const auto blurred = [&](double sigma) { cv::GaussianBlur(result, result, {0, 0}, sigma); };
-  switch (kind) {
-    case 1:
-      scale_channels(result, 0.5, 0.5, 0.5);
-      break;
-    case 2:
-      scale_channels(result, 0.7, 0.7, 0.7);
-      break;
-    case 3:
-      scale_channels(result, 1.3, 1.3, 1.3);
-      break;
-    case 4:
-      scale_channels(result, 1.6, 1.6, 1.6);
-      break;
-    case 5:
-      scale_channels(result, 1.15, 1, 0.88);
-      break;
-    case 6:
-      scale_channels(result, 0.85, 1, 1.1);
-      break;
-    case 7:
-      slope(result, 0.35, random);
-      break;
-    case 8:
-      compress(result, 50);
-      break;
-    case 9:
-      compress(result, 30);
-      break;
-    case 10:
-      compress(result, 12);
-      break;
-    case 11:
-      blurred(2.5);
-      break;
-    case 12:
-      blurred(4.5);
-      break;
-    case 13:
-      blurred(7.5);
-      break;
-    case 14:
-      smear(result, 9, random);
-      break;
-    case 15:
-      smear(result, 15, random);
-      break;
-    case 16:
-      add_noise(result, 8, random);
-      break;
-    case 17:
-      cover(result, object, 0.9, random);
-      break;
-    case 18:
-      cover(result, object, 0.5, random);
-      break;
-    case 19:
-      cover(result, object, 0.1, random);
-      break;
-    case 20:
-      outshine(result, object, 1.0, 9, random);
-      break;
-    case 21:
-      outshine(result, object, 1.6, 16, random);
-      break;
-    default:
-      break;
-  }
+  if (kind > 0 && kind < kDisturbances) kDisturb[kind](result, object, random);
   // A disturbed camera still has its noise.
-  if (kind > 0 && kind != 16) add_noise(result, 1.5, random);
+  if (kind > 0 && kind != kNoisy) add_noise(result, 1.5, random);
   return result;
 }
 
