@@ -24,14 +24,21 @@ end
 
 local function in_mm(value) return value and ("%.5f"):format(value / mm) or "–" end
 
+-- Some calculations are of centered, homogeneous systems only: what refuses is left out, and the report says why.
+local function attempt(run, what, f, ...)
+  local done, found = pcall(f, ...)
+  if done then return found end
+  run:note(what .. ": " .. tostring(found))
+end
+
 local function first_order(run, eye, p)
   local image = eye:axial_image() or error("the retina's image is at infinity: there is no aerial image to report on")
-  local viewing = eye:viewing { confusion = p.confusion }
-  local aperture, focus = viewing.numerical_aperture, viewing.depth_of_focus
+  local viewing = attempt(run, "aperture and depth of focus", eye.viewing, eye, { confusion = p.confusion })
+  local focus = viewing and viewing.depth_of_focus
   run:result("magnification", image.magnification)
-  run:result("numerical_aperture", aperture.oslo)
+  if viewing then run:result("numerical_aperture", viewing.numerical_aperture.oslo) end
   run:result("retina_image_distance", image.distance, "m")
-  run:result("depth_of_focus", focus.thesis, "m")
+  if focus then run:result("depth_of_focus", focus.thesis, "m") end
   local points, rows = eye:first_order() or {}, {}
   for _, name in ipairs {
     "focal_length",
@@ -47,14 +54,15 @@ local function first_order(run, eye, p)
     rows[#rows + 1] = { (name:gsub("_", " ")), in_mm(points[name]) }
   end
   rows[#rows + 1] = { "image of the retina, from the last vertex", in_mm(image.distance) }
-  for _, side in ipairs { "thesis", "image_side", "object_side" } do
+  for _, side in ipairs(focus and { "thesis", "image_side", "object_side" } or {}) do
     rows[#rows + 1] = { "depth of focus (4.1), " .. side:gsub("_", " "), in_mm(focus[side]) }
   end
   run:table { title = "First order: " .. eye:info().title, header = { "", "mm" }, rows = rows }
 end
 
 local function seidel(run, eye)
-  local sums, rows = eye:seidel(), {}
+  local sums, rows = attempt(run, "third-order aberrations", eye.seidel, eye), {}
+  if not sums then return end
   local names = { "spherical", "coma", "astigmatism", "petzval", "distortion" }
   local function add(label, from)
     local row = { label }

@@ -167,7 +167,8 @@ Eigen::MatrixXd diffraction_psf(const Wavefront& wave, double half_width, int ce
   detail::require_positive(half_width, "half_width");
   detail::require(cells >= 1 && cells <= 1024, "cells: must lie within 1 and 1024");
   detail::require(std::isfinite(wave.image), "wave: its image is far away");
-  detail::require(half_width * std::numbers::sqrt2 <= wave.reach,
+  constexpr double kRounding = 1e-9;  // a corner that was computed to be at the end is there
+  detail::require(half_width * std::numbers::sqrt2 <= wave.reach * (1 + kRounding),
                   "half_width: beyond what the wave's samples suffice for: more rings and arms");
   Eigen::MatrixXd psf(cells, cells);
   for (int row = 0; row < cells; ++row) {

@@ -112,6 +112,23 @@ TEST_F(OpticsBinding, PersonalEyesAreMadeByReplacingParameters) {
   expect_refused("eye:with { ['lens.thickness'] = 0/0 }", {"optical_system:with: ", "thickness"});
 }
 
+TEST_F(OpticsBinding, ColorsWavesAndTiltedSurfacesAreReached) {
+  expect_fine(
+      "local lens = optics.system { name = 'navarro_condensing' } local blue = "
+      "lens:in_light(486.1e-9)\n"
+      "assert(blue:info().parameters['lens.index'] > lens:info().parameters['lens.index'])\n"
+      "assert(blue:prescription().wavelength == 486.1e-9 and not lens:prescription().wavelength)\n"
+      "local wave = lens:wavefront { frequency = 5e4 }\n"
+      "assert(wave.strehl > 0 and wave.strehl <= 1 and wave.rms > 0 and #wave.zernike == 28)\n"
+      "assert(wave.mtf_tangential > 0 and wave.mtf_tangential < 1)\n"
+      "local tilted = lens:with { ['lens.anterior.tilt_y'] = 0.05 }\n"
+      "assert(tilted:prescription().rows[3].tilt_y == 0.05)\n"
+      "assert(optics.system(tilted:prescription()):info().parameters['lens.anterior.tilt_y'] == "
+      "0.05)");
+  expect_refused("eye:in_light(1.1e-6)", {"in_light", "navarro"});
+  expect_refused("eye:with { ['lens.anterior.tilt_y'] = 2 }", {"optical_system:with: ", "tilt"});
+}
+
 TEST_F(OpticsBinding, ASystemGoesIntoATableAndComesBackToTheBit) {
   expect_fine(
       "for _, name in ipairs(optics.prescriptions()) do\n"
