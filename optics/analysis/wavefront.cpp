@@ -188,8 +188,9 @@ double psf_mtf(const Eigen::MatrixXd& psf, double half_width, const Eigen::Vecto
   std::complex<double> sum = 0;
   for (Eigen::Index row = 0; row < psf.rows(); ++row) {
     for (Eigen::Index column = 0; column < psf.cols(); ++column) {
-      const Eigen::Vector2d at((2.0 * column + 1) / psf.cols() - 1,
-                               (2.0 * row + 1) / psf.rows() - 1);
+      const Eigen::Vector2d at(
+          (2.0 * static_cast<double>(column) + 1) / static_cast<double>(psf.cols()) - 1,
+          (2.0 * static_cast<double>(row) + 1) / static_cast<double>(psf.rows()) - 1);
       sum += psf(row, column) * std::polar(1.0, -kTurn * half_width * frequency.dot(at));
     }
   }
