@@ -20,6 +20,8 @@ std::string shortest(double value) {
 
 }  // namespace
 
+// A Kelvin-Voigt body below its yield strain: G' by the network, G'' by the solvent beside it,
+// eta_s = G'' / (2 pi f) in Pa s. positive() refuses a NaN as well, which sscanf reads from "nan".
 Gel gel_of(const Rheometry& measured) {
   require(positive(measured.storage_modulus), "gel storage_modulus: must be above 0 Pa");
   require(positive(measured.loss_modulus), "gel loss_modulus: must be above 0 Pa");
@@ -31,11 +33,14 @@ Gel gel_of(const Rheometry& measured) {
   return gel;
 }
 
+// Shortest digits that read back the same, so that the twin, the emulated laboratory and the record
+// have the gel to the bit.
 std::string gel_text(const Rheometry& measured) {
   return "gel of G' " + shortest(measured.storage_modulus) + " Pa and G'' " +
          shortest(measured.loss_modulus) + " Pa at " + shortest(measured.frequency) + " Hz";
 }
 
+// The whole text must fit: words behind it would be a gel that nothing here knows.
 std::optional<Rheometry> rheometry_in(std::string_view text) {
   Rheometry read;
   int used = 0;

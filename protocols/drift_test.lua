@@ -82,7 +82,7 @@ return {
     machines = { default = 8, min = 1, max = 100, integer = true, help = "drawn, on a simulated rig; the first is the rig's" },
     edge = {
       unit = "mm",
-      default = 3.5 * mm,
+      default = 4 * mm,
       min = 1 * mm,
       max = 8 * mm,
       help = "how far aside the three places at the right are",

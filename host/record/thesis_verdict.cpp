@@ -22,10 +22,13 @@ constexpr std::array<VerdictWords, kThesisVerdicts.size()> kVerdictWords{
      {"differs", "differs", "differ"},
      {"shown", "shown", "shown"}}};
 
+// kVerdictWords has one entry a value, so no verdict is without words.
 const VerdictWords& words(ThesisVerdict verdict) {
   return kVerdictWords[static_cast<std::size_t>(verdict)];
 }
 
+// What contradicts itself would be judged by whichever measure comes first, unseen: a number of the
+// thesis with a goal of ours beside it could differ and still be called met.
 void check(const JudgedNumber& number) {
   const bool bounded = number.at_least || number.at_most;
   const auto refuse = [](const char* what) { throw std::invalid_argument(what); };
@@ -59,6 +62,8 @@ ThesisVerdict beside_the_thesis(const JudgedNumber& number, double ours,
 
 }  // namespace
 
+// These words are in expectations.json and in docs/reproduction.md: another word is another
+// verdict to every reader of old runs.
 std::string_view to_string(ThesisVerdict verdict) { return words(verdict).word; }
 
 std::optional<ThesisVerdict> thesis_verdict_named(std::string_view word) {
@@ -70,12 +75,14 @@ std::optional<ThesisVerdict> thesis_verdict_named(std::string_view word) {
 JudgedVerdict judge(const JudgedNumber& number) {
   check(number);
   const bool bounded = number.at_least || number.at_most;
+  // JSON and Lua have NaN where nothing was measured; an infinite value is an answer, a bad one.
   const bool answered = number.ours && !std::isnan(*number.ours);
   if (bounded) {
     const bool good = answered && inside(number, *number.ours);
     if (number.printed) return {good ? ThesisVerdict::reproduced : ThesisVerdict::differs};
     return {good ? ThesisVerdict::goal_met : ThesisVerdict::goal_missed};
   }
+  // Neither a bound nor a number of the thesis: there is nothing to judge by.
   if (!number.thesis) return {ThesisVerdict::shown};
   const bool judged = number.spread || number.within || number.same_error;
   if (!answered) return {judged ? ThesisVerdict::differs : ThesisVerdict::shown};
@@ -90,6 +97,7 @@ void VerdictCounts::count(std::string_view word) {
     ++counts_[static_cast<std::size_t>(*verdict)];
 }
 
+// Goals missed and what differs are told even where there are none: their absence is the news.
 std::string VerdictCounts::text() const {
   std::string text;
   for (const ThesisVerdict verdict : kThesisVerdicts) {

@@ -323,7 +323,8 @@ TEST(PorcineSession, ItAsksForEverythingInOrderAndStopsWhereTheEyeIsNotFresh) {
       "--answer cleared_up=yes";
   const Spoken spoken = place.vitreo(
       "run porcine_session trials=1 tracked=3 eye_id='pig 7 left' died=2026-11-24T05:40Z "
-      "removed=2026-11-24T06:10Z --json" +
+      "removed=2026-11-24T06:10Z clearing=verografin moisten=10s --json --answer clearing=yes "
+      "--answer cleared=yes" +
       yes);
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   const auto told = nlohmann::json::parse(spoken.out);
@@ -334,7 +335,7 @@ TEST(PorcineSession, ItAsksForEverythingInOrderAndStopsWhereTheEyeIsNotFresh) {
   EXPECT_GT(told["results"]["tracked_way_px"], 0);
   const std::string report = place.read(told["run"].get<std::string>() + "/report.html");
   EXPECT_NE(report.find("well preserved"), std::string::npos);
-  EXPECT_EQ(report.find("moisturize"), std::string::npos) << "the cornea is gone";
+  EXPECT_EQ(report.find(">reminder<"), std::string::npos) << "the cornea is gone: two minutes";
   const std::string of_sample =
       place.vitreo("show '" + told["run"].get<std::string>() + "' --json").out;
   for (const char* known : {"pig 7 left", "2026-11-24T05:40:00Z", "2026-11-24T06:10:00Z", "24 G",
@@ -365,13 +366,14 @@ TEST(PorcineSession, TheMagneticTipIsKeptAwayAndTheScleraIsClearedByATimer) {
             std::string::npos)
       << near.out;
   const Spoken cleared =
-      place.vitreo("run porcine_session clearing=verografin" + std::string(kIntact));
+      place.vitreo("run porcine_session clearing=verografin moisten=10s" + std::string(kIntact));
   ASSERT_EQ(cleared.exit_code, 0) << cleared.out << cleared.err;
   const auto told = nlohmann::json::parse(cleared.out);
   EXPECT_EQ(told["results"]["intraocular_pressure"], 15);
   EXPECT_GT(told["results"]["time_used"], 120) << "it waits until the sclera is clear";
   const std::string report = place.read(told["run"].get<std::string>() + "/report.html");
-  for (const char* said : {"76 % verografin", "the sclera stays clear", "no vitrectomy"})
+  for (const char* said :
+       {"76 % verografin", "the sclera stays clear", "no vitrectomy", ">reminder<"})
     EXPECT_NE(report.find(said), std::string::npos) << said;
 }
 

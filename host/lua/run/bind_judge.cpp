@@ -6,6 +6,8 @@
 namespace vitreo::lua {
 namespace {
 
+/// The options' rows refuse NaN: a script leaves `ours` out where it has no answer. What
+/// contradicts itself comes back as judge()'s error, with the script's line.
 int judge_number(Call& call) {
   const JudgedVerdict judged = judge({.ours = call.number_option("ours"),
                                       .thesis = call.number_option("thesis"),
@@ -19,6 +21,7 @@ int judge_number(Call& call) {
   const std::string_view word = to_string(judged.verdict);
   lua_pushlstring(call.L, word.data(), word.size());
   lua_setfield(call.L, -2, "verdict");
+  // Only where the thesis prints a spread: in units of it, without sign.
   if (judged.deviation) {
     lua_pushnumber(call.L, *judged.deviation);
     lua_setfield(call.L, -2, "deviation");
