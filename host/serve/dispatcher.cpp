@@ -23,6 +23,8 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr auto kStep = std::chrono::milliseconds(100);
+constexpr auto kAfterError = std::chrono::seconds(2);
+constexpr int kStepsALook = 10;          // at the points of a sweep, which reads its folder
 constexpr std::int64_t kAskedLong = 60;  // s, after which a question of an unwatched run is told
 
 /// "03:12", here.
@@ -113,13 +115,15 @@ std::string Dispatcher::place_of(const Job& job) const {
 // An error of the disk must not end the server: it is logged, and the next step tries again.
 void Dispatcher::work() {
   for (;;) {
+    std::chrono::milliseconds pause = kStep;
     try {
       step();
     } catch (const std::exception& error) {
       write_log(std::string("queue: ") + error.what());
+      pause = kAfterError;
     }
     std::unique_lock lock(mutex_);
-    if (wake_.wait_for(lock, kStep, [this] { return ended_; })) return;
+    if (wake_.wait_for(lock, pause, [this] { return ended_; })) return;
   }
 }
 
@@ -133,6 +137,7 @@ void Dispatcher::step() {
 void Dispatcher::start(const Job& job) {
   queue_.begin(job.id, seconds_now());
   raised_.clear();
+  points_done_ = 0;
   asked_since_ = 0;
   try {
     fs::create_directories(job.request.sweep ? settings_.sweeps : settings_.runs);
@@ -153,11 +158,17 @@ void Dispatcher::watch(const Job& job) {
   link_.follow(job.process);
   if (job.request.sweep) {
     if (job.run.empty()) queue_.set_run(job.id, fs::path(place_of(job)).filename().string());
-    return;
+    return watch_points(job);
   }
   if (const std::string run = link_.run(); !run.empty() && run != job.run)
     queue_.set_run(job.id, run);
   watch_alarms(job);
+}
+
+void Dispatcher::watch_points(const Job& job) {
+  if (looks_++ % kStepsALook != 0) return;
+  const std::size_t done = marks_in(place_of(job));
+  if (points_done_.exchange(done) != done) ++points_changes_;
 }
 
 // Each alarm once a run, and a question that has stood for long.
@@ -178,6 +189,8 @@ void Dispatcher::watch_alarms(const Job& job) {
   }
   if (asked_since_ == 0) asked_since_ = seconds_now();
   const std::string text = question->value("text", "");
+  // Who pressed Start is there, and sees it.
+  if (job.attended_until >= seconds_now()) return;
   if (seconds_now() - asked_since_ >= kAskedLong && raised_.insert("question " + text).second)
     raise(job, fmt::format("{} waits for an answer since {}", job.title, clock_text(asked_since_)),
           text);
@@ -220,7 +233,7 @@ std::pair<std::string, std::string> Dispatcher::message_of(const Job& job,
   std::string text;
   if (!job.request.sweep && !end.run.empty()) {
     const std::string coils = coils_text(settings_.runs / end.run);
-    text += coils.empty() ? "The record says nothing of the coils.\n" : "Coils: " + coils + "\n";
+    text += coils.empty() ? "The record says nothing of the coils.\n" : coils + "\n";
   }
   if (!end.reason.empty()) text += end.reason + "\n";
   text += command_of(job.request) + "\n";
@@ -287,7 +300,7 @@ nlohmann::json Dispatcher::running() const {
   if (!job->request.sweep)
     shown["live"] = !JobProcess(folder_of(job->id)).live_view().empty();
   else
-    shown["done"] = marks_in(place_of(*job));
+    shown["done"] = points_done_.load();
   return shown;
 }
 
@@ -298,6 +311,8 @@ std::string Dispatcher::live_view() const {
 
 std::string Dispatcher::said(std::int64_t job) const { return JobProcess(folder_of(job)).said(); }
 
-unsigned long Dispatcher::changes() const { return queue_.changes() + link_.changes(); }
+unsigned long Dispatcher::changes() const {
+  return queue_.changes() + link_.changes() + points_changes_;
+}
 
 }  // namespace vitreo::serve

@@ -102,6 +102,9 @@ int JobProcess::start(const std::vector<std::string>& words) const {
   posix_spawn_file_actions_addopen(&spawn.actions, 2, err.c_str(), kAnew, 0600);
   // The lock belongs to the open file, which the child shares: it stays when this one is closed.
   posix_spawn_file_actions_adddup2(&spawn.actions, alive.number(), kHeld);
+  // And nothing else of the server: with its socket the job would keep the port, and the next
+  // server could not listen.
+  posix_spawn_file_actions_addclosefrom_np(&spawn.actions, kHeld + 1);
   std::vector<char*> arguments;
   for (const std::string& word : words)
     arguments.push_back(const_cast<char*>(word.c_str()));  // posix_spawn's own way

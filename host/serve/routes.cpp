@@ -20,6 +20,8 @@ using view::WebReply;
 using view::WebRequest;
 
 constexpr std::size_t kEndedShown = 20;
+// A viewer that is 1 MB behind is dropped: a thousand jobs would be as much.
+constexpr std::size_t kWaitingShown = 200;
 constexpr std::size_t kMostRuns = 500;  // in one answer
 constexpr std::size_t kMessagesShown = 20;
 
@@ -359,13 +361,16 @@ json state_of(Parts& parts) {
   json ended = json::array();
   for (const Job& job : parts.queue.ended(kEndedShown)) ended.push_back(to_json(job));
   json waiting = json::array();
-  for (const Job& job : parts.queue.waiting()) waiting.push_back(to_json(job));
+  const std::vector<Job> jobs = parts.queue.waiting();
+  for (const Job& job : jobs)
+    if (waiting.size() < kWaitingShown) waiting.push_back(to_json(job));
   return {{"version", parts.version},
           {"operator", account_name()},
           {"time", seconds_now()},
           {"held", parts.queue.held()},
           {"why_held", parts.queue.why_held()},
           {"waiting", waiting},
+          {"waiting_total", jobs.size()},
           {"running", parts.dispatcher.running()},
           {"ended", ended},
           {"messages", messages_json(parts)}};

@@ -32,7 +32,7 @@ namespace {
 
 constexpr std::size_t kThreads = 3;
 constexpr std::size_t kMostWaiting = 64;  // requests; beyond them 503
-constexpr auto kStatePeriod = std::chrono::milliseconds(100);
+constexpr auto kStatePeriod = std::chrono::milliseconds(150);
 constexpr const char* kDoor = "open.html";
 
 /// For this user alone.
