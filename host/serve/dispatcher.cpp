@@ -28,6 +28,7 @@ constexpr int kStepsALook = 10;          // at the points of a sweep, which read
 constexpr std::int64_t kAskedLong = 60;  // s, after which a question of an unwatched run is told
 
 /// "03:12", here.
+// Local time: the message is read by a person of this laboratory.
 std::string clock_text(std::int64_t moment) {
   const std::time_t time = moment;
   std::tm here{};
@@ -50,6 +51,7 @@ std::string coils_text(const fs::path& run) {
 }
 
 /// How many points of a sweep have a mark, without reading its plan.
+// Marks decide in a sweep's folder (decision 12); a plan of 10 000 points takes longer to read.
 std::size_t marks_in(const fs::path& sweep) {
   std::size_t count = 0;
   std::error_code none;
@@ -60,6 +62,7 @@ std::size_t marks_in(const fs::path& sweep) {
 }
 
 /// What of the preflight's report a person decides by.
+// Questions are warnings of the report, since the dry run had to assume their answers.
 nlohmann::json shortened(const nlohmann::json& report) {
   constexpr std::string_view kAsked = "not answered in advance, so the dry run took: ";
   nlohmann::json asks = nlohmann::json::array(), warnings = nlohmann::json::array();
@@ -71,6 +74,7 @@ nlohmann::json shortened(const nlohmann::json& report) {
       warnings.push_back(text);
   }
   const nlohmann::json coils = report.value("coils", nlohmann::json::object());
+  // The largest of all coils, A: what a person compares with the limit on the label.
   double peak = 0;
   for (const auto& one : coils.value("peak", nlohmann::json::array()))
     peak = std::max(peak, one.get<double>());
@@ -103,6 +107,7 @@ Dispatcher::~Dispatcher() {
   rehearser_.join();
 }
 
+// By number: a protocol's name may hold what no folder may.
 fs::path Dispatcher::folder_of(std::int64_t job) const {
   return settings_.state / "jobs" / std::to_string(job);
 }
@@ -128,6 +133,8 @@ void Dispatcher::work() {
 }
 
 void Dispatcher::step() {
+  // A job that runs is watched also while the queue is held: holding stops the next one, not this
+  // one.
   if (const auto running = queue_.running()) return watch(*running);
   link_.follow(0);
   if (queue_.held()) return;
@@ -140,6 +147,8 @@ void Dispatcher::start(const Job& job) {
   points_done_ = 0;
   asked_since_ = 0;
   try {
+    // Here and not by the run: a folder that cannot be made is an error of the job, with its
+    // reason.
     fs::create_directories(job.request.sweep ? settings_.sweeps : settings_.runs);
     std::vector<std::string> words =
         words_of(job, {settings_.runs.string(), place_of(job), settings_.token_file.string(),
@@ -153,6 +162,7 @@ void Dispatcher::start(const Job& job) {
 
 void Dispatcher::watch(const Job& job) {
   const JobProcess process(folder_of(job.id));
+  // A zombie has let go of its lock, but stays in the table of processes.
   JobProcess::reap(job.process);
   if (!process.alive()) return conclude(job, process.end(job.request.sweep));
   link_.follow(job.process);
@@ -160,6 +170,7 @@ void Dispatcher::watch(const Job& job) {
     if (job.run.empty()) queue_.set_run(job.id, fs::path(place_of(job)).filename().string());
     return watch_points(job);
   }
+  // As soon as it is known, so that the next server shows the same run.
   if (const std::string run = link_.run(); !run.empty() && run != job.run)
     queue_.set_run(job.id, run);
   watch_alarms(job);
@@ -176,6 +187,7 @@ void Dispatcher::watch_alarms(const Job& job) {
   const nlohmann::json status = link_.status();
   if (!status.is_object()) return;
   for (const auto& alarm : status.value("alarms", nlohmann::json::array())) {
+    // Medium and low ones are for those who look at the page.
     if (alarm.value("priority", "") != "high") continue;
     const std::string name = alarm.value("name", ""), text = alarm.value("text", "");
     if (raised_.insert("alarm " + name).second)
@@ -187,6 +199,7 @@ void Dispatcher::watch_alarms(const Job& job) {
     asked_since_ = 0;
     return;
   }
+  // From when the server saw it; after a restart of the server it counts anew.
   if (asked_since_ == 0) asked_since_ = seconds_now();
   const std::string text = question->value("text", "");
   // Who pressed Start is there, and sees it.
@@ -225,12 +238,14 @@ void Dispatcher::conclude(const Job& job, JobEnd end) {
 /// Subject: what, how and when; text: the coils, the cause, what goes on, where.
 std::pair<std::string, std::string> Dispatcher::message_of(const Job& job,
                                                            const JobEnd& end) const {
+  // The first line alone must say what, how and when: a telephone shows no more of it.
   std::string subject = fmt::format("{} {} at {}", job.title,
                                     end.outcome == "refused" ? "was refused"
                                     : end.outcome == "lost"  ? "was lost"
                                                              : end.outcome,
                                     clock_text(seconds_now()));
   std::string text;
+  // Safe or not, before the cause: what a person who is woken wants to know first.
   if (!job.request.sweep && !end.run.empty()) {
     const std::string coils = coils_text(settings_.runs / end.run);
     text += coils.empty() ? "The record says nothing of the coils.\n" : coils + "\n";
@@ -254,6 +269,7 @@ void Dispatcher::rehearsals() {
     }
     try {
       const std::vector<Job> waiting = queue_.waiting();
+      // A sweep is not rehearsed: its questions are answered in advance or not at all.
       const auto job = std::find_if(waiting.begin(), waiting.end(), [](const Job& one) {
         return !one.request.sweep && one.rehearsal.is_null();
       });
@@ -267,12 +283,15 @@ void Dispatcher::rehearsals() {
 
 nlohmann::json Dispatcher::rehearse(const JobRequest& request) const {
   std::vector<std::string> words = rehearsal_words(request);
+  // The check has a limit of its own for the script; this one is for a program that hangs.
   words.insert(words.begin(), {"timeout", "--kill-after=5", "60", settings_.program});
   ChildProcess child(words, ChildProcess::Pipe::from_output);
   std::string out;
   char bytes[4096];
   while (const std::size_t count = child.read_some(bytes, sizeof bytes)) out.append(bytes, count);
   child.finish();
+  // A rehearsal that found problems leaves with 8 and a whole report: the output decides, not the
+  // code.
   const nlohmann::json report = nlohmann::json::parse(out, nullptr, false);
   if (!report.is_object())
     return {{"passed", false}, {"problems", {"the rehearsal gave no result"}}};
@@ -293,6 +312,7 @@ nlohmann::json Dispatcher::command(const nlohmann::json& request) const {
   return {{"ok", true}, {"status", {{"text", "the sweep was told to stop"}}}};
 }
 
+// The status is the last that came: while a run writes its report its socket is gone already.
 nlohmann::json Dispatcher::running() const {
   const auto job = queue_.running();
   if (!job) return nullptr;
