@@ -29,6 +29,9 @@ ChildProcess::ChildProcess(const std::vector<std::string>& words, Pipe pipe) {
   if (!input) posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_adddup2(&actions, ends[input ? 0 : 1], input ? 0 : 1);
   if (pipe == Pipe::from_output_and_errors) posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
+  // Libraries open files without close-on-exec, such as the sockets of a server: a child that had
+  // one would keep its port.
+  posix_spawn_file_actions_addclosefrom_np(&actions, 3);
   // A signal mask is inherited: a task that blocks signals would make a program that none can end.
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);

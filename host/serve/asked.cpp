@@ -17,6 +17,7 @@ std::size_t Asked::count_or(const std::string& name, const std::string& otherwis
   return static_cast<std::size_t>(whole(name, value_or(name, otherwise)));
 }
 
+// By hand, and strictly: a broken code is refused, not passed on as it stands.
 std::string decoded(std::string_view text) {
   std::string plain;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -36,6 +37,7 @@ std::string decoded(std::string_view text) {
   return plain;
 }
 
+// Empty parts are left out: "//" and a slash at the end name nothing.
 std::vector<std::string> split(const std::string& text, char separator) {
   std::vector<std::string> parts;
   std::size_t begin = 0;
@@ -47,6 +49,7 @@ std::vector<std::string> split(const std::string& text, char separator) {
   return parts;
 }
 
+// from_chars: no sign, no blanks, no locale, and all of the text or nothing.
 std::int64_t whole(const std::string& name, const std::string& text) {
   std::int64_t number = 0;
   const auto read = std::from_chars(text.data(), text.data() + text.size(), number);
@@ -55,6 +58,7 @@ std::int64_t whole(const std::string& name, const std::string& text) {
   return number;
 }
 
+// Split before decoding: a %26 in a value is no separator.
 std::map<std::string, std::string> query_of(const std::string& text) {
   std::map<std::string, std::string> query;
   for (const std::string& pair : split(text, '&')) {

@@ -23,9 +23,12 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr auto kStep = std::chrono::milliseconds(100);
+constexpr auto kAfterError = std::chrono::seconds(2);
+constexpr int kStepsALook = 10;          // at the points of a sweep, which reads its folder
 constexpr std::int64_t kAskedLong = 60;  // s, after which a question of an unwatched run is told
 
 /// "03:12", here.
+// Local time: the message is read by a person of this laboratory.
 std::string clock_text(std::int64_t moment) {
   const std::time_t time = moment;
   std::tm here{};
@@ -48,6 +51,7 @@ std::string coils_text(const fs::path& run) {
 }
 
 /// How many points of a sweep have a mark, without reading its plan.
+// Marks decide in a sweep's folder (decision 12); a plan of 10 000 points takes longer to read.
 std::size_t marks_in(const fs::path& sweep) {
   std::size_t count = 0;
   std::error_code none;
@@ -58,6 +62,7 @@ std::size_t marks_in(const fs::path& sweep) {
 }
 
 /// What of the preflight's report a person decides by.
+// Questions are warnings of the report, since the dry run had to assume their answers.
 nlohmann::json shortened(const nlohmann::json& report) {
   constexpr std::string_view kAsked = "not answered in advance, so the dry run took: ";
   nlohmann::json asks = nlohmann::json::array(), warnings = nlohmann::json::array();
@@ -69,6 +74,7 @@ nlohmann::json shortened(const nlohmann::json& report) {
       warnings.push_back(text);
   }
   const nlohmann::json coils = report.value("coils", nlohmann::json::object());
+  // The largest of all coils, A: what a person compares with the limit on the label.
   double peak = 0;
   for (const auto& one : coils.value("peak", nlohmann::json::array()))
     peak = std::max(peak, one.get<double>());
@@ -101,6 +107,7 @@ Dispatcher::~Dispatcher() {
   rehearser_.join();
 }
 
+// By number: a protocol's name may hold what no folder may.
 fs::path Dispatcher::folder_of(std::int64_t job) const {
   return settings_.state / "jobs" / std::to_string(job);
 }
@@ -113,17 +120,21 @@ std::string Dispatcher::place_of(const Job& job) const {
 // An error of the disk must not end the server: it is logged, and the next step tries again.
 void Dispatcher::work() {
   for (;;) {
+    std::chrono::milliseconds pause = kStep;
     try {
       step();
     } catch (const std::exception& error) {
       write_log(std::string("queue: ") + error.what());
+      pause = kAfterError;
     }
     std::unique_lock lock(mutex_);
-    if (wake_.wait_for(lock, kStep, [this] { return ended_; })) return;
+    if (wake_.wait_for(lock, pause, [this] { return ended_; })) return;
   }
 }
 
 void Dispatcher::step() {
+  // A job that runs is watched also while the queue is held: holding stops the next one, not this
+  // one.
   if (const auto running = queue_.running()) return watch(*running);
   link_.follow(0);
   if (queue_.held()) return;
@@ -133,8 +144,11 @@ void Dispatcher::step() {
 void Dispatcher::start(const Job& job) {
   queue_.begin(job.id, seconds_now());
   raised_.clear();
+  points_done_ = 0;
   asked_since_ = 0;
   try {
+    // Here and not by the run: a folder that cannot be made is an error of the job, with its
+    // reason.
     fs::create_directories(job.request.sweep ? settings_.sweeps : settings_.runs);
     std::vector<std::string> words =
         words_of(job, {settings_.runs.string(), place_of(job), settings_.token_file.string(),
@@ -148,16 +162,24 @@ void Dispatcher::start(const Job& job) {
 
 void Dispatcher::watch(const Job& job) {
   const JobProcess process(folder_of(job.id));
+  // A zombie has let go of its lock, but stays in the table of processes.
   JobProcess::reap(job.process);
   if (!process.alive()) return conclude(job, process.end(job.request.sweep));
   link_.follow(job.process);
   if (job.request.sweep) {
     if (job.run.empty()) queue_.set_run(job.id, fs::path(place_of(job)).filename().string());
-    return;
+    return watch_points(job);
   }
+  // As soon as it is known, so that the next server shows the same run.
   if (const std::string run = link_.run(); !run.empty() && run != job.run)
     queue_.set_run(job.id, run);
   watch_alarms(job);
+}
+
+void Dispatcher::watch_points(const Job& job) {
+  if (looks_++ % kStepsALook != 0) return;
+  const std::size_t done = marks_in(place_of(job));
+  if (points_done_.exchange(done) != done) ++points_changes_;
 }
 
 // Each alarm once a run, and a question that has stood for long.
@@ -165,6 +187,7 @@ void Dispatcher::watch_alarms(const Job& job) {
   const nlohmann::json status = link_.status();
   if (!status.is_object()) return;
   for (const auto& alarm : status.value("alarms", nlohmann::json::array())) {
+    // Medium and low ones are for those who look at the page.
     if (alarm.value("priority", "") != "high") continue;
     const std::string name = alarm.value("name", ""), text = alarm.value("text", "");
     if (raised_.insert("alarm " + name).second)
@@ -176,8 +199,11 @@ void Dispatcher::watch_alarms(const Job& job) {
     asked_since_ = 0;
     return;
   }
+  // From when the server saw it; after a restart of the server it counts anew.
   if (asked_since_ == 0) asked_since_ = seconds_now();
   const std::string text = question->value("text", "");
+  // Who pressed Start is there, and sees it.
+  if (job.attended_until >= seconds_now()) return;
   if (seconds_now() - asked_since_ >= kAskedLong && raised_.insert("question " + text).second)
     raise(job, fmt::format("{} waits for an answer since {}", job.title, clock_text(asked_since_)),
           text);
@@ -212,15 +238,17 @@ void Dispatcher::conclude(const Job& job, JobEnd end) {
 /// Subject: what, how and when; text: the coils, the cause, what goes on, where.
 std::pair<std::string, std::string> Dispatcher::message_of(const Job& job,
                                                            const JobEnd& end) const {
+  // The first line alone must say what, how and when: a telephone shows no more of it.
   std::string subject = fmt::format("{} {} at {}", job.title,
                                     end.outcome == "refused" ? "was refused"
                                     : end.outcome == "lost"  ? "was lost"
                                                              : end.outcome,
                                     clock_text(seconds_now()));
   std::string text;
+  // Safe or not, before the cause: what a person who is woken wants to know first.
   if (!job.request.sweep && !end.run.empty()) {
     const std::string coils = coils_text(settings_.runs / end.run);
-    text += coils.empty() ? "The record says nothing of the coils.\n" : "Coils: " + coils + "\n";
+    text += coils.empty() ? "The record says nothing of the coils.\n" : coils + "\n";
   }
   if (!end.reason.empty()) text += end.reason + "\n";
   text += command_of(job.request) + "\n";
@@ -241,6 +269,7 @@ void Dispatcher::rehearsals() {
     }
     try {
       const std::vector<Job> waiting = queue_.waiting();
+      // A sweep is not rehearsed: its questions are answered in advance or not at all.
       const auto job = std::find_if(waiting.begin(), waiting.end(), [](const Job& one) {
         return !one.request.sweep && one.rehearsal.is_null();
       });
@@ -254,12 +283,15 @@ void Dispatcher::rehearsals() {
 
 nlohmann::json Dispatcher::rehearse(const JobRequest& request) const {
   std::vector<std::string> words = rehearsal_words(request);
+  // The check has a limit of its own for the script; this one is for a program that hangs.
   words.insert(words.begin(), {"timeout", "--kill-after=5", "60", settings_.program});
   ChildProcess child(words, ChildProcess::Pipe::from_output);
   std::string out;
   char bytes[4096];
   while (const std::size_t count = child.read_some(bytes, sizeof bytes)) out.append(bytes, count);
   child.finish();
+  // A rehearsal that found problems leaves with 8 and a whole report: the output decides, not the
+  // code.
   const nlohmann::json report = nlohmann::json::parse(out, nullptr, false);
   if (!report.is_object())
     return {{"passed", false}, {"problems", {"the rehearsal gave no result"}}};
@@ -280,6 +312,7 @@ nlohmann::json Dispatcher::command(const nlohmann::json& request) const {
   return {{"ok", true}, {"status", {{"text", "the sweep was told to stop"}}}};
 }
 
+// The status is the last that came: while a run writes its report its socket is gone already.
 nlohmann::json Dispatcher::running() const {
   const auto job = queue_.running();
   if (!job) return nullptr;
@@ -287,7 +320,7 @@ nlohmann::json Dispatcher::running() const {
   if (!job->request.sweep)
     shown["live"] = !JobProcess(folder_of(job->id)).live_view().empty();
   else
-    shown["done"] = marks_in(place_of(*job));
+    shown["done"] = points_done_.load();
   return shown;
 }
 
@@ -298,6 +331,8 @@ std::string Dispatcher::live_view() const {
 
 std::string Dispatcher::said(std::int64_t job) const { return JobProcess(folder_of(job)).said(); }
 
-unsigned long Dispatcher::changes() const { return queue_.changes() + link_.changes(); }
+unsigned long Dispatcher::changes() const {
+  return queue_.changes() + link_.changes() + points_changes_;
+}
 
 }  // namespace vitreo::serve

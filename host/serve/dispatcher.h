@@ -8,6 +8,7 @@
 #include "host/serve/messages.h"
 #include "host/serve/run_link.h"
 
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
@@ -64,6 +65,7 @@ class Dispatcher {
   void start(const Job& job);
   void watch(const Job& job);
   void watch_alarms(const Job& job);
+  void watch_points(const Job& job);
   void conclude(const Job& job, JobEnd end);
   std::string place_of(const Job& job) const;
   std::filesystem::path folder_of(std::int64_t job) const;
@@ -73,8 +75,11 @@ class Dispatcher {
   JobQueue& queue_;
   const DispatcherSettings settings_;
   RunLink link_;
-  std::set<std::string> raised_;  // alarms and questions of the run that were told
-  std::int64_t asked_since_ = 0;  // s since 1970; 0: no question stands
+  std::set<std::string> raised_;             // alarms and questions of the run that were told
+  std::int64_t asked_since_ = 0;             // s since 1970; 0: no question stands
+  int looks_ = 0;                            // at the sweep that goes on
+  std::atomic<std::size_t> points_done_{0};  // of it
+  std::atomic<unsigned long> points_changes_{0};
   std::mutex mutex_;
   std::condition_variable wake_;
   bool ended_ = false;

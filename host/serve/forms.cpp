@@ -23,6 +23,7 @@ constexpr double kMostPoints = 10'000;  // as `vitreo sweep`
 constexpr int kDigits = 6;              // of a declared value, as protocol_text() has it
 
 /// Inode, size and time of change, or "" where there is no such file.
+// A protocol is edited while the workbench serves; reading all of them takes a second.
 std::string mark_of(const std::string& file) {
   struct stat about = {};
   if (::stat(file.c_str(), &about) != 0) return "";
@@ -33,6 +34,7 @@ std::string mark_of(const std::string& file) {
 std::string stem(const std::string& file) { return fs::path(file).stem().string(); }
 
 /// A number in the parameter's own unit, as a field shows it.
+// Not the display unit of that size, as elsewhere: the field has the declared unit beside it.
 std::string in_unit(const Parameter& parameter, double si) {
   const auto unit = find_unit(parameter.unit);
   return format_number(unit ? unit->from_si(si) : si, kDigits);
@@ -55,6 +57,7 @@ std::string range_text(const Parameter& parameter) {
 }
 
 /// Several values, or a range of them, where a run takes one.
+// Lists, vectors and ranges are one value of their own kind: a comma in them makes no sweep.
 bool is_sweep_text(const Parameter& parameter, const std::string& text) {
   switch (parameter.kind) {
     case ParameterKind::number:
@@ -89,6 +92,7 @@ std::string with_unit_of(const Parameter& parameter, const std::string& typed) {
 /// How many runs a sweep would be, without making them. Throws ConfigError.
 double Forms::count_points(const ProtocolDescription& protocol,
                            const std::vector<std::string>& words, int repeats) const {
+  // A product of counts, as a double: 1..2:1000 on four axes would overflow a whole number.
   const double points = sources_.count_settings(protocol, words) * repeats;
   if (points > kMostPoints)
     throw ConfigError(fmt::format("{:.0f} runs are too many; at most {:.0f}", points, kMostPoints));
@@ -105,6 +109,7 @@ ProtocolDescription Forms::described(const std::string& name) {
     names.push_back(stem(file));
     if (names.back() != name) continue;
     const std::string mark = mark_of(file);
+    // The engine reads one file at a time.
     const std::lock_guard lock(mutex_);
     const auto known = known_.find(file);
     if (known != known_.end() && known->second.mark == mark) return known->second.protocol;
@@ -126,6 +131,7 @@ nlohmann::json Forms::protocols() {
       row["title"] = protocol.title;
       row["about"] = protocol.about;
       row["simulated_only"] = protocol.simulated_only;
+      // A broken file is a row with its reason, and hides no other.
     } catch (const ScriptError& error) {
       row["error"] = error.what();
     }
@@ -149,6 +155,7 @@ nlohmann::json Forms::form(const std::string& name) {
     const Parameter& parameter = protocol.parameters[i];
     nlohmann::json& row = form["parameters"][i];
     const auto unit = find_unit(parameter.unit);
+    // For programs that fill the form with numbers in SI.
     row["scale"] = unit ? unit->factor : 1.0;
     row["default_text"] = default_text(parameter);
     row["range_text"] = range_text(parameter);
@@ -163,6 +170,7 @@ nlohmann::json Forms::check(const std::string& name, const nlohmann::json& typed
   nlohmann::json errors = nlohmann::json::object(), changed = nlohmann::json::array();
   std::vector<std::string> words;
   bool sweep = false;
+  // Every field is judged, not only up to the first that is wrong: a form shows them all.
   for (const auto& [key, value] : typed.items()) {
     try {
       if (!value.is_string()) throw ConfigError(key + ": wants a text");
@@ -180,6 +188,7 @@ nlohmann::json Forms::check(const std::string& name, const nlohmann::json& typed
       errors[key] = without_name(error.what(), key);
     }
   }
+  // What is needed and not typed has no text to be wrong; the command line would say so as well.
   for (const Parameter& parameter : protocol.parameters)
     if (parameter.required && !typed.contains(parameter.name))
       errors[parameter.name] = "is needed: there is no default";
@@ -189,6 +198,7 @@ nlohmann::json Forms::check(const std::string& name, const nlohmann::json& typed
   } catch (const ConfigError& error) {
     errors[""] = error.what();
   }
+  // The command below the form is the one that the job will have.
   JobRequest request{name, words};
   request.sweep = sweep || repeats > 1;
   request.repeats = repeats;
@@ -200,9 +210,11 @@ nlohmann::json Forms::check(const std::string& name, const nlohmann::json& typed
           {"changed", changed}};
 }
 
+// A job that comes from a program passes the same checks as one from the form.
 std::string Forms::check(const JobRequest& request) {
   const ProtocolDescription protocol = described(request.protocol);
   if (!request.rig.empty()) {
+    // By name: a path would let a browser choose any file of the machine as a rig.
     const std::vector<std::string> names = rigs();
     if (std::find(names.begin(), names.end(), request.rig) == names.end()) {
       const std::string near = nearest(request.rig, names);

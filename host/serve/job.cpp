@@ -14,6 +14,8 @@
 namespace vitreo::serve {
 namespace {
 
+// Bounds of what a stranger to this code may send: far above what a person types, far below what
+// would fill the disk or a command line (ARG_MAX is 2 MB).
 constexpr std::size_t kLongestText = 1000;  // characters of a name or an argument
 constexpr std::size_t kMostWords = 200;     // arguments, answers or tags
 constexpr int kMostRepeats = 100'000;
@@ -30,6 +32,7 @@ std::string checked_text(const std::string& key, const nlohmann::json& value) {
   return text;
 }
 
+// A list of words. Its length is checked before its texts, so that a huge one costs nothing.
 std::vector<std::string> texts_of(const std::string& key, const nlohmann::json& value) {
   if (!value.is_array() || value.size() > kMostWords)
     throw ConfigError(fmt::format("{}: wants a list of at most {} texts", key, kMostWords));
@@ -38,6 +41,8 @@ std::vector<std::string> texts_of(const std::string& key, const nlohmann::json& 
   return texts;
 }
 
+// is_number_integer() and not is_number(): 1.5 repeats or a seed of 1e9 written as a float would be
+// cut without a word.
 std::int64_t whole_of(const std::string& key, const nlohmann::json& value, std::int64_t least,
                       std::int64_t most) {
   if (!value.is_number_integer() || value < least || value > most)
@@ -50,6 +55,8 @@ bool flag_of(const std::string& key, const nlohmann::json& value) {
   return value.get<bool>();
 }
 
+// One row a key, so that a key which is not known can be told from one that is misspelt, and none
+// is read and ignored.
 using Setter = std::function<void(JobRequest&, const std::string&, const nlohmann::json&)>;
 const std::map<std::string, Setter>& setters() {
   using J = nlohmann::json;
@@ -78,6 +85,8 @@ const std::map<std::string, Setter>& setters() {
 }
 
 /// A word as a shell takes it.
+// Single quotes keep all but themselves (POSIX shell, 2.2.2); what needs none stays as people type
+// it.
 std::string quoted(const std::string& word) {
   constexpr const char* kPlain =
       "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=.,:/@%";
@@ -108,6 +117,8 @@ bool needs_person(const Job& job) {
   return job.rehearsal.is_object() && !job.rehearsal.value("asks", nlohmann::json()).empty();
 }
 
+// Also the reader of what the queue stored: a request that was taken once is read by the same
+// rules.
 JobRequest request_of(const nlohmann::json& json) {
   if (!json.is_object()) throw ConfigError("a job: wants an object with a protocol");
   JobRequest request;
@@ -123,6 +134,7 @@ JobRequest request_of(const nlohmann::json& json) {
     found->second(request, key, value);
   }
   if (request.protocol.empty()) throw ConfigError("protocol: is missing");
+  // The record refuses a tag that is no word: better now than when the run begins at night.
   nlohmann::json checked;
   try {
     for (const std::string& tag : request.tags) {
@@ -135,6 +147,7 @@ JobRequest request_of(const nlohmann::json& json) {
   return request;
 }
 
+// All keys, those at their defaults too: the form of a job is filled from it.
 nlohmann::json to_json(const JobRequest& r) {
   return {{"protocol", r.protocol},
           {"arguments", r.arguments},
@@ -150,6 +163,8 @@ nlohmann::json to_json(const JobRequest& r) {
           {"person", r.person}};
 }
 
+// The process number is left out: it is of no use to a browser, and another process may have it by
+// then.
 nlohmann::json to_json(const Job& job) {
   return {{"id", job.id},
           {"request", to_json(job.request)},
@@ -174,13 +189,17 @@ std::vector<std::string> words_of(const Job& job, const JobPlaces& places) {
   std::vector<std::string> words{r.sweep ? "sweep" : "run", "--json", "--quiet"};
   if (!r.rig.empty()) words.push_back("--rig=" + r.rig);
   if (!r.operator_name.empty()) words.push_back("--operator=" + r.operator_name);
+  // The seed is always said: the record of a job does not depend on the default of a later program.
   words.push_back("--seed=" + std::to_string(r.seed));
   for (const std::string& answer : r.answers) words.push_back("--answer=" + answer);
+  // A sweep has a folder of its own, known before it begins, so that its progress can be read from
+  // it.
   if (r.sweep) {
     words.push_back("--out=" + places.sweep);
     words.push_back("--repeat=" + std::to_string(r.repeats));
   } else {
     words.push_back("--out=" + places.runs);
+    // By this tag the runs of the queue are found among all others, also by `vitreo runs --where`.
     words.push_back("--tag=job=" + std::to_string(job.id));
     for (const std::string& tag : r.tags) words.push_back("--tag=" + tag);
     if (r.real_time) words.push_back("--real-time");
@@ -195,6 +214,8 @@ std::vector<std::string> words_of(const Job& job, const JobPlaces& places) {
   return words;
 }
 
+// For people: without what the workbench adds for itself, so that it gives the same run at a
+// terminal.
 std::string command_of(const JobRequest& r) {
   std::string text = std::string("vitreo ") + (r.sweep ? "sweep " : "run ") + quoted(r.protocol);
   for (const std::string& word : r.arguments) text += " " + quoted(word);
@@ -206,6 +227,7 @@ std::string command_of(const JobRequest& r) {
   return text;
 }
 
+// No --out: a rehearsal writes nothing. No pace: the twin runs as fast as it can.
 std::vector<std::string> rehearsal_words(const JobRequest& r) {
   std::vector<std::string> words{"check", "--json"};
   if (!r.rig.empty()) words.push_back("--rig=" + r.rig);

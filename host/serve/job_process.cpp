@@ -29,6 +29,8 @@ namespace {
 constexpr int kHeld = 3;  // the number of `alive` in the child
 constexpr std::size_t kLongestOutput = 4 << 20;
 
+// From the end: the file of a run that spoke all night may be large, and its last line is what
+// counts.
 std::string read_end(const fs::path& file, std::size_t most) {
   std::ifstream in(file, std::ios::binary);
   in.seekg(0, std::ios::end);
@@ -42,6 +44,7 @@ std::string read_end(const fs::path& file, std::size_t most) {
 }
 
 /// The last line that is a JSON object; null where there is none.
+// Backwards line by line: a library may have printed something after it.
 nlohmann::json last_object(const std::string& text) {
   std::size_t end = text.size();
   while (end > 0) {
@@ -55,6 +58,7 @@ nlohmann::json last_object(const std::string& text) {
   return nullptr;
 }
 
+// Folders are kept by name: a laboratory may move its runs to another disk.
 std::string name_of(const std::string& folder) { return fs::path(folder).filename().string(); }
 
 /// "2 failed, 18 completed" of a sweep's outcomes.
@@ -66,6 +70,7 @@ std::string counts_text(const nlohmann::json& outcomes) {
 }
 
 /// The arguments and actions of posix_spawn(), released by scope.
+// posix_spawn and not fork: this process has threads (child_process.cpp says more).
 class Spawn {
  public:
   Spawn() {
@@ -90,22 +95,28 @@ class Spawn {
 
 int JobProcess::start(const std::vector<std::string>& words) const {
   fs::create_directories(folder_);
+  // A lock that is held already means that the job goes on: it is not started beside itself.
   const fs::path held = folder_ / "alive";
   const Descriptor alive(::open(held.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (alive.number() < 0 || ::flock(alive.number(), LOCK_EX | LOCK_NB) != 0)
     throw std::runtime_error(held.string() + ": " + std::strerror(errno));
   Spawn spawn;
   const std::string out = (folder_ / "out").string(), err = (folder_ / "err").string();
+  // Files and no pipes: the output of a job must not depend on a server that reads it.
   constexpr int kAnew = O_WRONLY | O_CREAT | O_TRUNC;
   posix_spawn_file_actions_addopen(&spawn.actions, 0, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&spawn.actions, 1, out.c_str(), kAnew, 0600);
   posix_spawn_file_actions_addopen(&spawn.actions, 2, err.c_str(), kAnew, 0600);
   // The lock belongs to the open file, which the child shares: it stays when this one is closed.
   posix_spawn_file_actions_adddup2(&spawn.actions, alive.number(), kHeld);
+  // And nothing else of the server: with its socket the job would keep the port, and the next
+  // server could not listen.
+  posix_spawn_file_actions_addclosefrom_np(&spawn.actions, kHeld + 1);
   std::vector<char*> arguments;
   for (const std::string& word : words)
     arguments.push_back(const_cast<char*>(word.c_str()));  // posix_spawn's own way
   arguments.push_back(nullptr);
+  // By its path: the program that serves is the program that runs, whatever the PATH says.
   pid_t process = -1;
   const int error = posix_spawn(&process, arguments[0], &spawn.actions, &spawn.attributes,
                                 arguments.data(), environ);
@@ -114,6 +125,8 @@ int JobProcess::start(const std::vector<std::string>& words) const {
   return process;
 }
 
+// LOCK_SH fails while any process has the file with its exclusive lock. Tried on a descriptor of
+// its own, so that the test itself leaves nothing behind.
 bool JobProcess::alive() const {
   const Descriptor file(::open((folder_ / "alive").c_str(), O_RDONLY | O_CLOEXEC));
   if (file.number() < 0) return false;
@@ -134,9 +147,12 @@ JobEnd JobProcess::end(bool sweep) const {
     end.hold = true;
     return end;
   }
+  // A missing instrument and a script that did not respond leave the rig in doubt; a script that
+  // failed does not, since its devices were made safe.
   constexpr int kStopped = 3, kNotResponding = 6, kDeviceMissing = 7;  // docs/conventions.md
   const int code = last.value("exit_code", 0);
   end.hold = code == kNotResponding || code == kDeviceMissing;
+  // Before the run had a record: nothing was opened, or what was opened was closed again.
   if (last.contains("error")) {
     end.outcome = code == kStopped ? "stopped" : "refused";
     end.reason = last.value("error", "");

@@ -60,12 +60,14 @@ JobQueue::JobQueue(const std::filesystem::path& file) : database_(file, Database
   version.step();
   const std::int64_t layout = version.integer(0);
   version.step();
+  // An older program must not sort the queue of a newer one by rules that it does not know.
   if (layout > kLayout)
     throw ConfigError(file.string() + ": is the queue of a newer program; start that one");
   database_.execute(kTables);
   database_.execute(fmt::format("PRAGMA user_version={}", kLayout));
 }
 
+// The condition is one of ours, with one value bound: no text of a request is part of an SQL text.
 std::vector<Job> JobQueue::select(const std::string& condition, std::int64_t value,
                                   int most) const {
   Statement rows = database_.prepare(std::string("SELECT ") + kColumns + " FROM job WHERE " +
@@ -76,6 +78,8 @@ std::vector<Job> JobQueue::select(const std::string& condition, std::int64_t val
   return jobs;
 }
 
+// Within the lock, and within the transaction of the change that it allows: what waited a moment
+// ago may run by now.
 void JobQueue::require_waiting(std::int64_t id) const {
   const std::vector<Job> found = select("id = ?", id, 1);
   if (found.empty()) throw ConfigError(fmt::format("there is no job {}", id));
@@ -86,11 +90,13 @@ void JobQueue::require_waiting(std::int64_t id) const {
 
 /// Between `before` and the one ahead of it; behind all others without `before`.
 double JobQueue::position_before(std::optional<std::int64_t> before) const {
+  // Of all jobs, ended ones too: a position is never smaller than one that was given before.
   if (!before) {
     Statement last = database_.prepare("SELECT coalesce(max(position), 0) FROM job");
     last.step();
     return last.real(0) + 1;
   }
+  // Half way to the one ahead of it, or two less than the first where there is none.
   require_waiting(*before);
   Statement place = database_.prepare(
       "SELECT position, coalesce((SELECT max(position) FROM job AS ahead WHERE ahead.state = 0 AND "
@@ -99,6 +105,7 @@ double JobQueue::position_before(std::optional<std::int64_t> before) const {
   return (place.real(0) + place.real(1)) / 2;
 }
 
+// Count, position and row in one transaction: two requests at once cannot both be the thousandth.
 std::int64_t JobQueue::add(const Job& job, std::optional<std::int64_t> before) {
   const std::lock_guard lock(mutex_);
   Transaction transaction(database_);
@@ -118,6 +125,8 @@ std::int64_t JobQueue::add(const Job& job, std::optional<std::int64_t> before) {
       .bind(5, job.attended_until)
       .bind(6, dumped(job.rehearsal))
       .run();
+  // AUTOINCREMENT: a number is not given again after a job was removed, since its folder may be
+  // there.
   Statement made = database_.prepare("SELECT last_insert_rowid()");
   made.step();
   const std::int64_t id = made.integer(0);
@@ -152,6 +161,7 @@ void JobQueue::remove(std::int64_t id) {
   ++changes_;
 }
 
+// Rehearsed anew: what it asks, and whether it would be let, may be different now.
 void JobQueue::set_request(std::int64_t id, const JobRequest& request) {
   const std::lock_guard lock(mutex_);
   Transaction transaction(database_);
@@ -164,6 +174,7 @@ void JobQueue::set_request(std::int64_t id, const JobRequest& request) {
   ++changes_;
 }
 
+// Not in a transaction of its own: one statement is one.
 void JobQueue::attend(std::int64_t id, std::int64_t until) {
   const std::lock_guard lock(mutex_);
   require_waiting(id);
@@ -171,6 +182,7 @@ void JobQueue::attend(std::int64_t id, std::int64_t until) {
   ++changes_;
 }
 
+// The job may have begun or gone meanwhile; then this changes nothing that counts.
 void JobQueue::set_rehearsal(std::int64_t id, const nlohmann::json& rehearsal) {
   const std::lock_guard lock(mutex_);
   database_.prepare("UPDATE job SET rehearsal = ? WHERE id = ?")
@@ -180,6 +192,7 @@ void JobQueue::set_rehearsal(std::int64_t id, const nlohmann::json& rehearsal) {
   ++changes_;
 }
 
+// On the disk, too: a queue that a person held must not start by itself after a restart.
 void JobQueue::set_held(bool held, const std::string& why) {
   const std::lock_guard lock(mutex_);
   Transaction transaction(database_);
@@ -210,6 +223,7 @@ std::vector<Job> JobQueue::waiting() const {
   return select("state = ? ORDER BY position, id", 0, static_cast<int>(kMostWaiting));
 }
 
+// At most one: the dispatcher begins none while there is one.
 std::optional<Job> JobQueue::running() const {
   const std::lock_guard lock(mutex_);
   const std::vector<Job> found = select("state = ?", 1, 1);
@@ -227,6 +241,7 @@ std::optional<Job> JobQueue::find(std::int64_t id) const {
   return found.empty() ? std::nullopt : std::optional(found[0]);
 }
 
+// Not simply the first: one that waits for its time or for a person lets those behind it go ahead.
 std::optional<Job> JobQueue::next(std::int64_t now) const {
   for (const Job& job : waiting()) {
     if (job.request.due > now) continue;
@@ -238,6 +253,8 @@ std::optional<Job> JobQueue::next(std::int64_t now) const {
   return std::nullopt;
 }
 
+// Before the process is started. After a kill between the two the job counts as lost and is not
+// started again: on a real rig running twice is worse than not at all.
 void JobQueue::begin(std::int64_t id, std::int64_t now) {
   const std::lock_guard lock(mutex_);
   Transaction transaction(database_);
@@ -250,6 +267,7 @@ void JobQueue::begin(std::int64_t id, std::int64_t now) {
   ++changes_;
 }
 
+// For signals alone; whether the job is alive is asked from the lock that its process holds.
 void JobQueue::set_process(std::int64_t id, int process) {
   const std::lock_guard lock(mutex_);
   database_.prepare("UPDATE job SET process = ? WHERE id = ?")
@@ -265,6 +283,7 @@ void JobQueue::set_run(std::int64_t id, const std::string& run) {
   ++changes_;
 }
 
+// The condition on the state keeps the first end where two servers come to judge the same job.
 void JobQueue::end(std::int64_t id, std::int64_t now, const std::string& outcome,
                    const std::string& reason, const std::vector<Message>& messages) {
   const std::lock_guard lock(mutex_);
@@ -283,6 +302,7 @@ void JobQueue::end(std::int64_t id, std::int64_t now, const std::string& outcome
   ++changes_;
 }
 
+// A counter and not a callback: who shows the queue looks when it has time, and holds up no change.
 unsigned long JobQueue::changes() const {
   const std::lock_guard lock(mutex_);
   return changes_;

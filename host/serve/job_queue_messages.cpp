@@ -9,6 +9,7 @@ namespace {
 constexpr const char* kMessageColumns =
     "id, job, channel, subject, text, tries, next, added, told, error";
 
+// In the order of kMessageColumns.
 Message message_of(const Statement& row) {
   return {row.integer(0), row.integer(1), row.text(2),
           row.text(3),    row.text(4),    static_cast<int>(row.integer(5)),
@@ -34,6 +35,7 @@ void JobQueue::insert(const std::vector<Message>& messages) {
         .run();
 }
 
+// All or none: a person is not told by mail of what the webhook never learns.
 void JobQueue::add_messages(const std::vector<Message>& messages) {
   const std::lock_guard lock(mutex_);
   Transaction transaction(database_);
@@ -42,6 +44,7 @@ void JobQueue::add_messages(const std::vector<Message>& messages) {
   ++changes_;
 }
 
+// In the order in which they were made: an alarm is told before the end that it led to.
 std::vector<Message> JobQueue::due_messages(std::int64_t now) const {
   const std::lock_guard lock(mutex_);
   Statement rows = database_.prepare(std::string("SELECT ") + kMessageColumns +
@@ -52,6 +55,7 @@ std::vector<Message> JobQueue::due_messages(std::int64_t now) const {
   return found;
 }
 
+// A kill between the channel taking it and this makes it be told twice, never not at all.
 void JobQueue::told(std::int64_t message, std::int64_t now) {
   const std::lock_guard lock(mutex_);
   database_.prepare("UPDATE message SET told = ?, tries = tries + 1, error = '' WHERE id = ?")
@@ -61,6 +65,7 @@ void JobQueue::told(std::int64_t message, std::int64_t now) {
   ++changes_;
 }
 
+// The error stays with the message: the page shows why nothing came.
 void JobQueue::failed(std::int64_t message, std::int64_t next, const std::string& error) {
   const std::lock_guard lock(mutex_);
   database_.prepare("UPDATE message SET next = ?, tries = tries + 1, error = ? WHERE id = ?")
@@ -81,6 +86,7 @@ std::vector<Message> JobQueue::messages(std::size_t most) const {
   return found;
 }
 
+// Without the channel, whose address may be a secret: channel_text() says what may be shown of it.
 nlohmann::json to_json(const Message& message) {
   return {{"job", message.job},     {"channel", message.channel}, {"subject", message.subject},
           {"text", message.text},   {"added", message.added},     {"told", message.told},

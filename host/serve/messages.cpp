@@ -31,10 +31,12 @@ constexpr auto kLook = std::chrono::milliseconds(500);
 // Of the program that takes a message; then it is killed.
 const std::vector<std::string> kPatience{"timeout", "--kill-after=5", "30"};
 
+// Each error names the file: it is edited by hand, and seldom.
 [[noreturn]] void refuse(const fs::path& file, const std::string& why) {
   throw ConfigError(file.string() + ": " + why);
 }
 
+// A line end in an address would begin another field of the mail.
 std::string text_at(const fs::path& file, const nlohmann::json& table, const char* key) {
   const auto found = table.find(key);
   if (found == table.end() || !found->is_string() || found->get<std::string>().empty())
@@ -56,6 +58,8 @@ void check_keys(const fs::path& file, const nlohmann::json& table,
   }
 }
 
+// At the start of the server, and again each time before something is told: the file may have
+// changed.
 void check_channel(const fs::path& file, const nlohmann::json& channel) {
   if (!channel.is_object()) refuse(file, "messages: wants a list of objects");
   const std::string kind = text_at(file, channel, "to");
@@ -88,6 +92,7 @@ void check_channel(const fs::path& file, const nlohmann::json& channel) {
 
 /// Runs the words with `input`; throws where they do not end well.
 void feed(std::vector<std::string> words, const std::string& input) {
+  // timeout(1) ends a program that hangs: messages behind it would wait for ever.
   const std::string name = words.front();
   words.insert(words.begin(), kPatience.begin(), kPatience.end());
   ChildProcess child(words, ChildProcess::Pipe::to_input);
@@ -113,6 +118,7 @@ std::string header_text(const std::string& text) {
       return i + k < text.size() ? static_cast<unsigned>(static_cast<unsigned char>(text[i + k]))
                                  : 0U;
     };
+    // Three bytes are four digits of six bits, the first one in the highest bits.
     const unsigned bits = byte(0) << 16 | byte(1) << 8 | byte(2);
     for (std::size_t k = 0; k < 4; ++k)
       coded += i + k <= text.size() ? kBase64[bits >> (18 - 6 * k) & 63U] : '=';
@@ -122,6 +128,7 @@ std::string header_text(const std::string& text) {
 
 // Header fields are lines: a subject with a line end would begin another one.
 void send_mail(const nlohmann::json& channel, const Message& message) {
+  // /usr/sbin is not on the path of users on Debian.
   std::string program = channel.value("sendmail", "");
   if (program.empty())
     program = ::access("/usr/sbin/sendmail", X_OK) == 0 ? "/usr/sbin/sendmail" : "sendmail";
@@ -133,6 +140,7 @@ void send_mail(const nlohmann::json& channel, const Message& message) {
 }
 
 /// A value of curl's configuration file.
+// As curl(1) reads its configuration: backslash and quote are escaped, a line end is \n.
 std::string curl_text(const std::string& text) {
   std::string quoted = "\"";
   for (const char c : text) {
@@ -148,6 +156,7 @@ std::string curl_text(const std::string& text) {
 // By the standard input and not by words, which every user of the machine can read: an address of a
 // webhook is a secret.
 void post(const nlohmann::json& channel, const Message& message) {
+  // "text" is what Slack, Mattermost and their kin show; the others are for programs.
   const nlohmann::json body{{"text", message.subject + "\n" + message.text},
                             {"subject", message.subject},
                             {"job", message.job},
@@ -168,6 +177,7 @@ MessageSettings read_message_settings(const fs::path& file) {
     if (errno == ENOENT) return settings;
     refuse(file, std::strerror(errno));
   }
+  // What the file names is run: who may write the file may run anything as this user.
   if (about.st_uid != ::geteuid() || (about.st_mode & 022) != 0)
     refuse(file, "names commands, so it must be yours and not writable by others; chmod go-w it");
   const nlohmann::json read = nlohmann::json::parse(read_whole_file(file), nullptr, false);
@@ -188,6 +198,7 @@ std::string channel_text(const nlohmann::json& channel) {
   const std::string kind = channel.value("to", "");
   if (kind == "mail") return "mail to " + channel.value("address", "");
   if (kind == "command") return "command " + channel.at("words").at(0).get<std::string>();
+  // A webhook's path is its password.
   const std::string url = channel.value("url", "");
   const std::size_t host = url.find("//") + 2;
   // Without a name and password in front of the host, nor the path.
@@ -200,6 +211,7 @@ std::vector<Message> messages_for(const MessageSettings& settings, Occasion occa
                                   const std::string& text, std::int64_t now) {
   std::vector<Message> messages;
   for (const nlohmann::json& channel : settings.channels) {
+    // An end that is as it should be is told only to those who want to hear of it.
     if (occasion == Occasion::end && channel.value("when", "failed") != "ended") continue;
     Message message;
     message.job = job;
@@ -220,6 +232,7 @@ void tell(const Message& message) {
   const std::string kind = channel.value("to", "");
   if (kind == "mail") return send_mail(channel, message);
   if (kind == "webhook") return post(channel, message);
+  // No shell: a subject with a quote or a semicolon stays one word.
   auto words = channel.at("words").get<std::vector<std::string>>();
   // The first line as a word, which is what notify-send and the like show; all of it as input.
   words.push_back(message.subject);
@@ -250,6 +263,7 @@ void Messenger::work() {
 }
 
 void Messenger::tell_due() {
+  // One after the other: a channel that hangs for 30 s delays the next, but at most so long.
   for (const Message& message : queue_.due_messages(seconds_now())) {
     {
       const std::lock_guard lock(mutex_);

@@ -20,15 +20,19 @@ using view::WebReply;
 using view::WebRequest;
 
 constexpr std::size_t kEndedShown = 20;
+// A viewer that is 1 MB behind is dropped: a thousand jobs would be as much.
+constexpr std::size_t kWaitingShown = 200;
 constexpr std::size_t kMostRuns = 500;  // in one answer
 constexpr std::size_t kMessagesShown = 20;
 
 /// Something that was asked for and is not there.
+// 404 and not 400: a program may want to tell a wrong name from a wrong request.
 class Missing : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
+// Texts of scripts need not be UTF-8; what is not is replaced, as on the control socket.
 WebReply reply(const json& body, int status = 200) {
   return {status, body.dump(-1, ' ', false, json::error_handler_t::replace)};
 }
@@ -47,6 +51,7 @@ json messages_json(Parts& parts) {
   return list;
 }
 
+// An empty body is null and no object: a POST without one says what it lacks.
 const json& body_of(const Asked& asked) {
   if (!asked.body.is_object()) throw ConfigError("the body: wants a JSON object");
   return asked.body;
@@ -54,12 +59,14 @@ const json& body_of(const Asked& asked) {
 
 std::int64_t id_of(const Asked& asked) { return whole("the job's number", asked.names.at(0)); }
 
+// Found anew in each request: the queue may have changed since the page was drawn.
 Job job_of(const Asked& asked, Parts& parts) {
   const auto job = parts.queue.find(id_of(asked));
   if (!job) throw Missing(fmt::format("there is no job {}", id_of(asked)));
   return *job;
 }
 
+// Taken out of the body: what is left is the job itself, whose unknown keys are refused.
 std::optional<std::int64_t> before_of(json& body) {
   const auto found = body.find("before");
   if (found == body.end()) return std::nullopt;
@@ -81,6 +88,7 @@ bool take_flag(json& body, const char* key) {
 
 /// "values", as they were typed into a form, become arguments; more than one value a sweep.
 JobRequest request_with_values(json body, Parts& parts) {
+  // A form sends what was typed; a program may send the words of the command line instead.
   const json values = body.contains("values") ? body["values"] : json();
   body.erase("values");
   JobRequest request = request_of(body);
@@ -99,6 +107,7 @@ JobRequest request_with_values(json body, Parts& parts) {
 
 WebReply add_job(const Asked& asked, Parts& parts) {
   json body = body_of(asked);
+  // A person pressed Start: without that a job that asks would wait for one.
   const bool attended = take_flag(body, "attended");
   const auto before = before_of(body);
   Job job;
@@ -110,6 +119,7 @@ WebReply add_job(const Asked& asked, Parts& parts) {
   return reply(to_json(*parts.queue.find(id)), 201);
 }
 
+// Merged with what it has: a program changes the due time without repeating the rest.
 WebReply edit_job(const Asked& asked, Parts& parts) {
   const Job job = job_of(asked, parts);
   json merged = to_json(job.request);
@@ -137,6 +147,7 @@ WebReply start_job(const Asked& asked, Parts& parts) {
     request.due = 0;
     parts.queue.set_request(job.id, request);
   }
+  // Moved, then attended: between the two the dispatcher may at most start the one that was first.
   const std::vector<Job> waiting = parts.queue.waiting();
   if (!waiting.empty() && waiting.front().id != job.id)
     parts.queue.move(job.id, waiting.front().id);
@@ -180,6 +191,7 @@ WebReply ended_jobs(const Asked& asked, Parts& parts) {
 
 // The control socket's request and reply as they are; its own "by" is kept where it is given.
 WebReply control(const Asked& asked, Parts& parts) {
+  // The words and their meaning are the desk's: a new one there needs nothing here.
   json request = body_of(asked);
   if (!request.contains("do")) throw ConfigError("wants {\"do\": WORD}");
   if (!request.contains("by")) request["by"] = account_name() + " at the workbench";
@@ -197,6 +209,7 @@ WebReply list_runs(const Asked& asked, Parts& parts) {
                                 std::min(most, kMostRuns)));
 }
 
+// Waits for the rehearsal, on a thread of the pool; a stop has another one.
 WebReply rehearse(const Asked& asked, Parts& parts) {
   json body = body_of(asked);
   body["protocol"] = asked.names.at(0);
@@ -209,6 +222,7 @@ WebReply rehearse(const Asked& asked, Parts& parts) {
 WebReply check_values(const Asked& asked, Parts& parts) {
   const json& body = body_of(asked);
   const json repeats = body.value("repeats", json(1));
+  // Before it is a number: 1e99 would not be one.
   if (!repeats.is_number_integer() || repeats < 1 || repeats > 100'000)
     throw ConfigError("repeats: wants a whole number from 1 to 100000");
   return reply(parts.forms.check(asked.names.at(0), body.value("values", json::object()), repeats));
@@ -233,6 +247,7 @@ WebReply live_view(const Asked&, Parts& parts) {
   return moved;
 }
 
+// Through the queue, as a real one: it shows the retries as well.
 WebReply tell_test(const Asked&, Parts& parts) {
   const MessageSettings settings = read_message_settings(parts.messages);
   if (settings.channels.empty())
@@ -255,6 +270,7 @@ WebReply show_messages(const Asked&, Parts& parts) {
   return reply({{"channels", channels}, {"error", error}, {"messages", messages_json(parts)}});
 }
 
+// The table is the interface: docs/reference/openapi.json is compared with it by a test.
 struct Route {
   const char* method;
   const char* path;
@@ -315,6 +331,7 @@ WebReply find_and_answer(const WebRequest& request, Parts& parts) {
   const std::size_t mark = request.target.find('?');
   const std::string path = request.target.substr(0, mark);
   const std::vector<std::string> words = split(path, '/');
+  // 405 where another method would do, 404 where there is nothing at all.
   bool known = false;
   for (const Route& route : routes()) {
     auto names = matched(route.path, words);
@@ -331,6 +348,7 @@ WebReply find_and_answer(const WebRequest& request, Parts& parts) {
   }
   if (known)
     return reply({{"error", "this address does not take " + request.method.substr(0, 20)}}, 405);
+  // Last: an address of the interface is never taken for a file.
   if (request.method == "GET" && (path.starts_with("/runs/") || path.starts_with("/sweeps/")))
     return parts.shelf.file(decoded(path));
   throw Missing("there is no such address; /openapi.json lists them");
@@ -355,17 +373,21 @@ WebReply answer(const WebRequest& request, Parts& parts) {
   }
 }
 
+// Whole each time, some 20 kB: a page that missed one needs no history to be right again.
 json state_of(Parts& parts) {
   json ended = json::array();
   for (const Job& job : parts.queue.ended(kEndedShown)) ended.push_back(to_json(job));
   json waiting = json::array();
-  for (const Job& job : parts.queue.waiting()) waiting.push_back(to_json(job));
+  const std::vector<Job> jobs = parts.queue.waiting();
+  for (const Job& job : jobs)
+    if (waiting.size() < kWaitingShown) waiting.push_back(to_json(job));
   return {{"version", parts.version},
           {"operator", account_name()},
           {"time", seconds_now()},
           {"held", parts.queue.held()},
           {"why_held", parts.queue.why_held()},
           {"waiting", waiting},
+          {"waiting_total", jobs.size()},
           {"running", parts.dispatcher.running()},
           {"ended", ended},
           {"messages", messages_json(parts)}};

@@ -14,6 +14,7 @@ namespace {
 constexpr auto kLookPeriod = std::chrono::milliseconds(300);  // for the socket of a new run
 
 /// The process at the other end of a Unix socket.
+// SO_PEERCRED is of the kernel: a run cannot claim to be another one's.
 int process_behind(int descriptor) {
   ucred credentials{};
   socklen_t size = sizeof credentials;
@@ -23,6 +24,7 @@ int process_behind(int descriptor) {
 
 }  // namespace
 
+// Called ten times a second by the dispatcher, whose other work must not wait for a run.
 void RunLink::follow(int process) {
   const std::lock_guard lock(mutex_);
   if (process != process_) {
@@ -39,11 +41,13 @@ void RunLink::follow(int process) {
       connection_.reset();
     }
   } catch (const std::exception&) {
+    // Not an error: between the list of sockets and the connection a run may end.
     // It has just ended.
     connection_.reset();
   }
 }
 
+// Every look connects to each run of this user on the machine, so it is made seldom.
 void RunLink::find(int process) {
   const auto now = std::chrono::steady_clock::now();
   if (now - looked_ < kLookPeriod) return;
@@ -61,6 +65,7 @@ void RunLink::find(int process) {
 /// False when the run is gone.
 bool RunLink::receive() {
   pollfd ready{connection_->descriptor(), POLLIN, 0};
+  // What has come is taken whole; nothing is waited for.
   while (poll(&ready, 1, 0) > 0)
     if (!connection_->receive()) return false;
   while (const auto message = connection_->next()) {
@@ -98,6 +103,7 @@ nlohmann::json RunLink::command(const nlohmann::json& request) const {
   }
   if (process == 0) throw ConfigError("no run is going on");
   if (!run.empty()) return control_run(run, request);
+  // Before the rig is open there is no socket, but the process takes SIGTERM for a stop.
   const auto word = request.find("do");
   const bool ends = word != request.end() && word->is_string() &&
                     OperatorDesk::ends_run(word->get<std::string>());

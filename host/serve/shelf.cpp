@@ -38,11 +38,13 @@ bool is_name(const std::string& name) {
          });
 }
 
+// No name of a protocol or a person has such a sign.
 bool is_condition(const std::string& text) {
   return text.find_first_of("<>=~") != std::string::npos;
 }
 
 /// Words that stand in the run, each somewhere.
+// Each word narrows: "gel anna" are her runs in gels.
 std::string condition_of_words(const std::string& text) {
   std::istringstream words(text);
   std::vector<std::string> parts;
@@ -56,6 +58,7 @@ std::string condition_of_words(const std::string& text) {
 }
 
 /// The names that a condition compares: what stands before a sign, but no field of the run itself.
+// What a person asks for is what he wants to see: the column appears by itself.
 std::vector<std::string> names_in(const std::string& condition) {
   static const std::set<std::string> kFields{
       "run",    "time", "protocol", "title",    "operator",        "seed",    "outcome",
@@ -77,6 +80,7 @@ std::vector<std::string> names_in(const std::string& condition) {
 }
 
 /// The column's cells as people read them, in one unit.
+// One unit a column, so that values can be compared by eye.
 std::vector<std::string> cells_of(const std::vector<CatalogRow>& rows, std::size_t column) {
   std::vector<double> numbers;
   std::string unit;
@@ -101,6 +105,7 @@ std::vector<std::string> cells_of(const std::vector<CatalogRow>& rows, std::size
   return cells;
 }
 
+// Names of files without their folders, which are of this machine.
 nlohmann::json json_of(const RunHead& head) {
   return {{"run", fs::path(head.folder).filename().string()},
           {"time", head.time},
@@ -116,6 +121,7 @@ nlohmann::json json_of(const RunHead& head) {
 }
 
 nlohmann::json json_of(const NamedValue& value) {
+  // A flag has both a text and a number; the text is what people read.
   std::string shown = value.text;
   if (shown.empty() && value.number) shown = format_quantity(*value.number, value.unit);
   // As it can be typed into a form again.
@@ -149,6 +155,7 @@ std::string sentence_of(const RunComparison& made) {
 }
 
 /// By the file's ending; nothing else is shown in a browser, but saved.
+// An ending that is not in the table is saved by the browser and never opened in it.
 std::string type_of(const fs::path& file) {
   static const std::map<std::string, std::string> kTypes{{".html", "text/html; charset=utf-8"},
                                                          {".svg", "image/svg+xml"},
@@ -165,6 +172,8 @@ std::string type_of(const fs::path& file) {
 
 }  // namespace
 
+// An origin of its own (CSP sandbox, level 3, 6.3): a report may have come from another laboratory,
+// and its scripts must reach neither our cookie nor our interface.
 view::WebReply sandboxed(std::string html, const std::string& type) {
   return {200,
           std::move(html),
@@ -181,6 +190,7 @@ nlohmann::json Shelf::runs(const std::string& find, const std::vector<std::strin
                            std::size_t skip, std::size_t most) {
   CatalogRequest request;
   std::error_code none;
+  // Before the first run there is no folder; that is no error.
   if (!fs::is_directory(runs_, none))
     return {{"total", 0}, {"columns", nlohmann::json::array()}, {"runs", nlohmann::json::array()}};
   request.where = is_condition(find) ? find : condition_of_words(find);
@@ -192,6 +202,7 @@ nlohmann::json Shelf::runs(const std::string& find, const std::vector<std::strin
     throw ConfigError(fmt::format("columns: at most {}", kMostColumns));
   Catalog catalog(runs_);
   std::vector<CatalogRow> rows = catalog.find(request);
+  // Counted before the page is cut out of it. The catalog gives the oldest first.
   const std::size_t total = rows.size();
   std::reverse(rows.begin(), rows.end());
   rows.erase(rows.begin(), rows.begin() + static_cast<std::ptrdiff_t>(std::min(skip, total)));
@@ -208,6 +219,7 @@ nlohmann::json Shelf::runs(const std::string& find, const std::vector<std::strin
   return {{"total", total}, {"columns", request.columns}, {"runs", list}};
 }
 
+// A name, checked letter by letter: no part of a request is ever joined to a path unchecked.
 fs::path Shelf::run_folder(const std::string& name) const {
   std::error_code none;
   if (!is_name(name) || !fs::is_directory(runs_ / name, none))
@@ -217,6 +229,7 @@ fs::path Shelf::run_folder(const std::string& name) const {
 
 nlohmann::json Shelf::run(const std::string& name) {
   const fs::path folder = run_folder(name);
+  // Without samples and pictures: a run of a night opens as quickly as one of a second.
   const RunSummary summary = read_summary(folder);
   nlohmann::json json = json_of(summary.head);
   static const std::map<char, std::string> kKinds{
@@ -276,6 +289,7 @@ nlohmann::json Shelf::sweeps() const {
   for (const auto& entry : fs::directory_iterator(sweeps_, none))
     if (fs::exists(entry.path() / "plan.json", none))
       folders.emplace_back(fs::last_write_time(entry.path() / "plan.json", none), entry.path());
+  // By the plan, which is written once: reading a sweep does not make it newer.
   std::sort(folders.rbegin(), folders.rend());
   if (folders.size() > kMostSweeps) folders.resize(kMostSweeps);
   nlohmann::json list = nlohmann::json::array();
@@ -309,6 +323,7 @@ view::WebReply Shelf::file(const std::string& path) const {
   }
   std::error_code none;
   if (!fs::is_regular_file(file, none)) return missing;
+  // It is held in memory while it is sent.
   if (fs::file_size(file, none) > kLargestFile)
     return {413, R"({"error":"is larger than 64 MB; read it on the machine itself"})"};
   const std::string type = type_of(file);

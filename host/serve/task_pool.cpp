@@ -11,6 +11,7 @@ TaskPool::TaskPool(std::size_t threads, std::size_t most_waiting) : most_waiting
   for (std::size_t i = 0; i < threads; ++i) threads_.push_back(quiet_thread([this] { work(); }));
 }
 
+// Tasks that wait are dropped: their visitors are let go with the server.
 TaskPool::~TaskPool() {
   {
     const std::lock_guard lock(mutex_);
@@ -21,6 +22,7 @@ TaskPool::~TaskPool() {
   for (std::thread& thread : threads_) thread.join();
 }
 
+// Bounded: a flood is refused at once instead of being answered late.
 bool TaskPool::add(std::function<void()> task) {
   {
     const std::lock_guard lock(mutex_);
@@ -41,6 +43,7 @@ void TaskPool::work() {
       task = std::move(tasks_.front());
       tasks_.pop_front();
     }
+    // Without the lock: other threads take the next ones meanwhile.
     task();
   }
 }

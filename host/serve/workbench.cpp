@@ -32,10 +32,11 @@ namespace {
 
 constexpr std::size_t kThreads = 3;
 constexpr std::size_t kMostWaiting = 64;  // requests; beyond them 503
-constexpr auto kStatePeriod = std::chrono::milliseconds(100);
+constexpr auto kStatePeriod = std::chrono::milliseconds(150);
 constexpr const char* kDoor = "open.html";
 
 /// For this user alone.
+// As the live view's folder of sockets: a link, or a folder of another user, is refused.
 void make_state_folder(const fs::path& folder) {
   fs::create_directories(folder.parent_path());
   if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
@@ -48,6 +49,7 @@ void make_state_folder(const fs::path& folder) {
 }
 
 /// Held while a workbench serves from the folder.
+// flock goes with the process: a server that was killed leaves no lock behind.
 class OnlyOne {
  public:
   explicit OnlyOne(const fs::path& state)
@@ -63,6 +65,7 @@ class OnlyOne {
   const Descriptor file_;
 };
 
+// Renamed into place: a browser never reads half of it.
 void write_private(const fs::path& file, const std::string& text) {
   const fs::path beside = file.string() + ".new";
   {
@@ -75,6 +78,7 @@ void write_private(const fs::path& file, const std::string& text) {
   fs::rename(beside, file);
 }
 
+// Said at once by the server's own thread, which never waits for the pools.
 view::WebReply busy() {
   return {503, R"({"error":"too many requests wait; try again in a moment"})"};
 }
@@ -105,6 +109,8 @@ struct Workbench::State {
     ready = true;
   }
 
+  // From the outside in: no new tasks, no new texts, then the pools, whose tasks reply to the
+  // server.
   ~State() {
     {
       const std::lock_guard lock(mutex);
@@ -133,6 +139,8 @@ struct Workbench::State {
     web.port = settings.web.port;
     web.assets = workbench_assets();
     web.shared_token = token;
+    // The live views of the same host have another one: browsers keep the cookies of all ports
+    // together.
     web.cookie = "vitreo_workbench";
     web.opened_by_links = true;
     web.handler = [this](view::WebRequest request, view::SendReply reply) {
@@ -145,6 +153,7 @@ struct Workbench::State {
   void hand(view::WebRequest request, view::SendReply reply) {
     const std::lock_guard lock(mutex);
     if (!ready) return reply(busy());
+    // STOP has a thread of its own: a comparison of large runs may hold all others.
     TaskPool& pool = is_urgent(request) ? *urgent : *common;
     const auto task = [this, request = std::move(request), reply] {
       reply(answer(request, parts));
@@ -162,6 +171,7 @@ struct Workbench::State {
       }
       try {
         const unsigned long changes = dispatcher.changes();
+        // Plus one, so that the first text is made although nothing has changed yet.
         if (known == changes + 1) continue;
         known = changes + 1;
         std::string text = nlohmann::json{{"state", state_of(parts)}}.dump(
@@ -187,6 +197,7 @@ struct Workbench::State {
       number = text_number;
       if (number != 0) text = text_now;
     }
+    // A viewer that joined gets the present text at the next tick.
     for (auto& [viewer, last] : sent) {
       if (last == number) continue;
       last = number;
@@ -234,6 +245,7 @@ std::string Workbench::invitation() { return state_->server.invitation(); }
 
 fs::path Workbench::door() const { return state_->settings.state / kDoor; }
 
+// The lock is asked before the file: a server that was killed leaves its page behind.
 fs::path open_door(const fs::path& state) {
   const Descriptor file(::open((state / "serving").c_str(), O_RDONLY | O_CLOEXEC));
   std::error_code none;

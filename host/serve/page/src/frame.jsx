@@ -30,7 +30,7 @@ export function Navigation({ page, state }) {
     <nav aria-label="Pages">
       <strong class="brand">Vitreo</strong>
       {entry('protocols', 'Protocols')}
-      {entry('queue', 'Queue', state?.waiting.length)}
+      {entry('queue', 'Queue', state?.waiting_total)}
       {entry('runs', 'Runs')}
       {entry('sweeps', 'Sweeps')}
       {entry('messages', 'Messages', untold)}

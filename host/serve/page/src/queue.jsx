@@ -35,7 +35,7 @@ export function Queue({ state }) {
       <section class="panel">
         <div class="head">
           <h1>Queue</h1>
-          <span>{jobs.length ? `${jobs.length} waiting` : 'Nothing waits.'}</span>
+          <span>{jobs.length ? `${state.waiting_total} waiting${state.waiting_total > jobs.length ? `, the first ${jobs.length} of them here` : ''}` : 'Nothing waits.'}</span>
           <button id="hold" onClick={() => act('POST', '/api/queue/hold', { held: !state.held })}>
             {state.held ? 'Let the queue go on' : 'Hold the queue'}
           </button>
