@@ -141,14 +141,17 @@ return function(protocol, parameters)
       seen = { names = names_of(values), rows = {}, units = units or {} }
       streams[stream], order[#order + 1] = seen, stream
       local head = { cell(stream, 14) }
-      for i, name in ipairs(seen.names) do head[i + 1] = cell(name, math.max(12, utf8.len(name))) end
+      for i, name in ipairs(seen.names) do
+        head[i + 1] = cell(name, math.max(12, utf8.len(name)))
+      end
       say(table.concat(head, "  "))
     end
     seen.rows[#seen.rows + 1] = values
     local line = { cell(tostring(#seen.rows), 14) }
     for i, name in ipairs(seen.names) do
       local value = values[name]
-      local text = type(value) == "number" and format_quantity(value, seen.units[name] or "") or "–"
+      local known = type(value) == "number"
+      local text = known and format_quantity(value, seen.units[name] or "") or "–"
       line[i + 1] = cell(text, math.max(12, utf8.len(name)))
     end
     say(table.concat(line, "  "))
@@ -162,7 +165,8 @@ return function(protocol, parameters)
         if name and type(values[name]) == "number" then x[#x + 1], y[#y + 1] = i, values[name] end
       end
       if #x > 2 then
-        plot(x, y, { title = stream, x = "row", y = { name, seen.units[name] or "" }, mark = "points" })
+        local axis = { name, seen.units[name] or "" }
+        plot(x, y, { title = stream, x = "row", y = axis, mark = "points" })
       end
     end
   end })
