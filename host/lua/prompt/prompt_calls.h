@@ -26,8 +26,8 @@ std::map<std::string, ArgumentValue> given_parameters(lua_State* L, int table,
 /// check(), show(), plot(): rows that only the prompt has.
 const std::vector<Binding>& prompt_functions();
 
-/// Sets the globals rig, run, units, check, watch, follow, show, plot; makes `run` callable and units
-/// known by their bare names.
+/// Sets the globals rig, run, units, check, watch, follow, show, plot; makes `run` callable and
+/// units known by their bare names.
 void open_prompt_calls(lua_State* L);
 
 }  // namespace vitreo::lua
