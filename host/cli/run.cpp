@@ -225,7 +225,7 @@ void add_run(CommandLine& line, Program& program) {
   const auto watched = std::make_shared<Run>();
   watched->protocol = "steer";
   watched->real_time = watched->view.on = true;
-  watched->view.linger = 600;  // s: those who look on want to read the report
+  watched->view.linger = 600;  // the report is what is wanted next
   Command view =
       line.command("view", "run a protocol, shown by a page in the browser, in real time",
                    [&program, watched] { return run(program, *watched); });

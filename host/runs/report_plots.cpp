@@ -50,6 +50,7 @@ nlohmann::json reading_of(const Drawing& drawing) {
           {"expected", expected}};
 }
 
+/// Of letters that every system takes as a file's name.
 std::string file_name_of(const std::string& title) {
   std::string name;
   for (const char c : title)
@@ -62,6 +63,8 @@ std::string plot_figure(const Plot& plot, int width, int height) {
   const Drawing drawing = lay_out_plot(plot, width, height);
   if (drawing.empty)
     return fmt::format("<figure{}>{}</figure>\n", wide, to_svg(plot, width, height));
+  // As a data URL the table travels with the page, and its script reads the values from there: they
+  // are in the page once.
   const std::string csv = plot_csv(plot);
   const std::vector<unsigned char> bytes(csv.begin(), csv.end());
   const std::string reading =

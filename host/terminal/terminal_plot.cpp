@@ -27,6 +27,8 @@ struct Cell {
   int series = -1;  // the last that drew in it
 };
 
+/// Dots of the whole plot, x to the right and y down, (0, 0) in the upper left corner.
+/// What falls outside is dropped: a curve that leaves the box is cut at its edge.
 class Canvas {
  public:
   Canvas(int columns, int rows)
@@ -40,6 +42,7 @@ class Canvas {
     cell.dots |= kDotBits[y % 4][x % 2];
     cell.series = series;
   }
+  // Steps along the longer side, so that no dot of the line is left out.
   void line(PlotPoint a, PlotPoint b, int series) {
     const double steps = std::max({1.0, std::fabs(b.x - a.x), std::fabs(b.y - a.y)});
     for (double i = 0; i <= steps; ++i)
@@ -48,6 +51,8 @@ class Canvas {
   }
   std::string row(int row, bool colors) const {
     std::string out;
+    // U+2800 plus the bits is the sign; in UTF-8 all of them have three bytes.
+    // The color is ended after each sign: a line that is cut leaves the terminal as it was.
     for (int column = 0; column < columns_; ++column) {
       const Cell& cell = cells_[static_cast<std::size_t>(row * columns_ + column)];
       const int code = 0x2800 + cell.dots;
@@ -70,6 +75,7 @@ class Canvas {
   std::vector<Cell> cells_;
 };
 
+/// The axes' ends lie on the outermost dots: hence one less than the width and the height.
 void draw(Canvas& canvas, const Drawing& drawing) {
   const auto place = [&](const PlotPoint& point) {
     return PlotPoint{(point.x - drawing.x.low) / drawing.x.span() * (canvas.width() - 1),
@@ -94,6 +100,7 @@ std::string padded(const std::string& text, std::size_t columns) {
 
 /// Tick labels below the canvas, each in the middle below its place, as far as they do not touch.
 std::string x_labels(const Ticks& ticks, const Range& range, int columns) {
+  // A label that would touch the one before is left out: a number that runs into another is wrong.
   std::string line;
   int written = 0;
   for (std::size_t i = 0; i < ticks.at.size(); ++i) {
@@ -108,6 +115,7 @@ std::string x_labels(const Ticks& ticks, const Range& range, int columns) {
   return line;
 }
 
+/// Without colors the series cannot be told apart in the dots; the names are given all the same.
 std::string legend(const Plot& plot, bool colors) {
   std::string line;
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
@@ -133,11 +141,13 @@ std::string plot_text(const Plot& plot, const Screen& screen) {
   linear.x.logarithmic = linear.y.logarithmic = linear.equal_aspect = false;
   const Drawing drawing = lay_out_plot(linear, wide * 9, rows * 18 + 80);
   if (drawing.empty) return "no data\n";
+  // A tick each three rows, and each ten columns: room for the longest labels.
   const Ticks y_ticks = make_ticks(drawing.y, nice_step(drawing.y.span(), rows / 3.0));
   std::size_t margin = 0;
   for (const std::string& label : y_ticks.labels) margin = std::max(margin, columns_of(label));
   const int columns = wide - static_cast<int>(margin) - 2;
   const Ticks x_ticks = make_ticks(drawing.x, nice_step(drawing.x.span(), columns / 10.0));
+  // Labels and the axis take the margin and two columns.
   Canvas canvas(columns, rows);
   draw(canvas, drawing);
   std::string out;

@@ -79,6 +79,15 @@ Response plain_reply(const Request& request, http::status status, const std::str
   return response;
 }
 
+/// HTML with styles and a script of its own, which loads nothing.
+Response as_document(Response response) {
+  response.set(http::field::content_type, "text/html; charset=utf-8");
+  response.set("Content-Security-Policy",
+               "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src "
+               "'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'");
+  return response;
+}
+
 /// The value of our cookie ("name=") among those that a browser sent; "" when it is not there.
 /// Cookies of other programs on the same host come along in one header, separated by "; " (RFC
 /// 6265, 4.2.1).
@@ -499,17 +508,10 @@ std::optional<Response> WebServer::State::answer(const Request& request) {
     if (asset.gzip) response.set(http::field::content_encoding, "gzip");
     return response;
   }
-  const std::string made = call.document ? call.document(path) : "";
-  if (made.empty()) {
-    if (settings.handler) return std::nullopt;
-    return reply(http::status::not_found, "there is no such page\n");
-  }
-  Response response = reply(http::status::ok, made);
-  response.set(http::field::content_type, "text/html; charset=utf-8");
-  response.set("Content-Security-Policy",
-               "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src "
-               "'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'");
-  return response;
+  if (const std::string made = call.document ? call.document(path) : ""; !made.empty())
+    return as_document(reply(http::status::ok, made));
+  if (settings.handler) return std::nullopt;
+  return reply(http::status::not_found, "there is no such page\n");
 }
 
 // Throws the system's error; the constructor adds the address.

@@ -20,6 +20,7 @@ using control::CurveSamples;
 CurveSamples samples_of(const Call& call, std::size_t options) {
   CurveSamples samples{call.numbers(0), call.numbers(1)};
   if (!call.has(options)) return samples;
+  // One number stands for all: the noise of one instrument.
   call.push_option("sigma");
   if (lua_type(call.L, -1) == LUA_TNUMBER)
     samples.sigma.assign(samples.x.size(), lua_tonumber(call.L, -1));
@@ -31,6 +32,7 @@ CurveSamples samples_of(const Call& call, std::size_t options) {
   return samples;
 }
 
+// Without units: they are those of x and y, which only the script knows.
 /// What all fits tell.
 std::vector<ResultField> common_fields() {
   return {{.name = "chi_square", .help = "of (y - curve) / sigma; sigma 1 where it is not given"},
@@ -39,6 +41,7 @@ std::vector<ResultField> common_fields() {
           {.name = "y", .help = "the curve at each x, for a plot"}};
 }
 
+/// Each parameter by its name and with "_sigma": found.slope reads better than found.parameters[2].
 std::vector<ResultField> named_fields(const std::vector<std::string>& names) {
   std::vector<ResultField> fields;
   for (const std::string& name : names)
@@ -47,6 +50,7 @@ std::vector<ResultField> named_fields(const std::vector<std::string>& names) {
   return fields;
 }
 
+/// Where the number of parameters is the caller's, they have no names but their places.
 std::vector<ResultField> listed_fields() {
   std::vector<ResultField> fields{{.name = "parameters"}, {.name = "sigmas"}};
   for (ResultField& field : common_fields()) fields.push_back(std::move(field));
@@ -60,6 +64,7 @@ void add_common(ResultTable& table, const CurveFit& fit) {
       .numbers("y", fit.fitted);
 }
 
+// A sigma that is not finite, of a fit without a freedom left, is left out by ResultTable.
 int named_result(const Call& call, const CurveFit& fit, const std::vector<std::string>& names) {
   ResultTable table(call);
   for (std::size_t i = 0; i < names.size(); ++i) {
@@ -80,10 +85,12 @@ int listed_result(const Call& call, const CurveFit& fit) {
   return 1;
 }
 
+// In the order of control/curve_fit.h's parameters.
 const std::vector<std::string> kLine{"intercept", "slope"};
 const std::vector<std::string> kExponential{"amplitude", "rate", "offset"};
 const std::vector<std::string> kGaussian{"amplitude", "center", "width", "offset"};
 
+// Not off the script's task, as slower calculations are: a few hundred samples take under 1 ms.
 int fit_line(Call& call) {
   return named_result(call, control::fit_polynomial(samples_of(call, 2), 1), kLine);
 }
@@ -104,6 +111,7 @@ int fit_gaussian(Call& call) {
 /// f(x, p1, p2, ...). Lua's own errors are thrown pointers, which must not pass through the solver:
 /// the function is called protected, and what it said is thrown again.
 double value_of(lua_State* L, int function, const Eigen::VectorXd& parameters, double x) {
+  // The solver calls this thousands of times: the stack is as it was after each.
   const int top = lua_gettop(L);
   if (!lua_checkstack(L, static_cast<int>(parameters.size()) + 4))
     throw std::runtime_error("too many parameters");
@@ -136,6 +144,8 @@ int fit_custom(Call& call) {
       scales = Eigen::Map<const Eigen::VectorXd>(given->data(),
                                                  static_cast<Eigen::Index>(given->size()));
   }
+  // On the script's own thread: Ceres runs one thread (control/curve_fit.cpp), and Lua stands still
+  // meanwhile. What the function raises comes back as an error of this call.
   lua_State* const L = call.L;
   const int function = call.index(0);
   return listed_result(call, control::fit_curve(

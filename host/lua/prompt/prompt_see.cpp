@@ -18,6 +18,7 @@
 namespace vitreo::lua {
 namespace {
 
+// In the registry, which scripts do not see.
 constexpr const char* kScreen = "vitreo.prompt.screen";
 
 struct PromptScreen {
@@ -25,6 +26,8 @@ struct PromptScreen {
   bool interactive = false;
 };
 
+/// Throws std::runtime_error outside of a prompt, where the rows do not exist either: a script that
+/// was written for the prompt is told, not crashed.
 PromptScreen screen_at(lua_State* L) {
   PromptScreen screen;
   if (lua_getfield(L, LUA_REGISTRYINDEX, kScreen) == LUA_TUSERDATA)
@@ -39,6 +42,8 @@ Screen size_of(const PromptScreen& screen) {
   return screen.interactive ? screen_of(STDOUT_FILENO) : Screen{};
 }
 
+// Past print(), whose listener writes out control characters: a script's words may not steer the
+// screen, the program's own pictures must.
 int show_image(Call& call) {
   const PromptScreen screen = screen_at(call.L);
   *screen.out << picture_text(call.handle<Image>(0).pixels, size_of(screen)) << std::flush;
@@ -78,6 +83,7 @@ std::vector<std::vector<double>> lists_at(lua_State* L, int index) {
   return lists;
 }
 
+/// Values stay SI; the axis divides by its unit's factor when it is drawn.
 void take_plot_options(const Call& call, Plot& plot) {
   lua_State* const L = call.L;
   plot.title = call.text_option("title").value_or("");
@@ -102,6 +108,7 @@ void take_plot_options(const Call& call, Plot& plot) {
   if (!plot.series.empty() && mark == "points") plot.series[0].mark = Mark::points;
 }
 
+// As the report's plots are laid out: a value that is none breaks a line.
 int draw_plot(Call& call) {
   const PromptScreen screen = screen_at(call.L);
   Plot plot;
@@ -122,6 +129,8 @@ int draw_plot(Call& call) {
 
 /// A protocol as run() runs it, and meanwhile each row that it records as a line of a table; at the
 /// end a plot of each stream's first channel.
+/// In Lua, since it stands in the place of a method for as long as the protocol runs: the method
+/// comes back by <close>, whatever ends the run, a stop included.
 constexpr const char* kFollow = R"(
 local methods, run, say, plot, format_quantity = ...
 local function names_of(values)
@@ -150,8 +159,8 @@ return function(protocol, parameters)
     local line = { cell(tostring(#seen.rows), 14) }
     for i, name in ipairs(seen.names) do
       local value = values[name]
-      local unit = seen.units[name] or ""
-      local text = type(value) == "number" and format_quantity(value, unit) or "–"
+      local known = type(value) == "number"
+      local text = known and format_quantity(value, seen.units[name] or "") or "–"
       line[i + 1] = cell(text, math.max(12, utf8.len(name)))
     end
     say(table.concat(line, "  "))
@@ -165,8 +174,8 @@ return function(protocol, parameters)
         if name and type(values[name]) == "number" then x[#x + 1], y[#y + 1] = i, values[name] end
       end
       if #x > 2 then
-        local unit = seen.units[name] or ""
-        plot(x, y, { title = stream, x = "row", y = { name, unit }, mark = "points" })
+        local axis = { name, seen.units[name] or "" }
+        plot(x, y, { title = stream, x = "row", y = axis, mark = "points" })
       end
     end
   end })
@@ -179,6 +188,7 @@ end)";
 
 }  // namespace
 
+// A userdata and no light one: it is the state's, and goes with it. The stream outlives the state.
 void set_prompt_screen(lua_State* L, std::ostream& out, bool interactive) {
   auto* const screen = static_cast<PromptScreen*>(lua_newuserdatauv(L, sizeof(PromptScreen), 0));
   *screen = {&out, interactive};
@@ -222,6 +232,7 @@ void open_follow(lua_State* L) {
   load_text(L, kFollow, "watch");
   luaL_getmetatable(L, run_class().name.c_str());
   lua_getfield(L, -1, "__index");
+  // open_class() in interpreter/binding.cpp makes it so.
   if (lua_getupvalue(L, -1, 1) == nullptr) throw std::logic_error("run has no methods");
   lua_replace(L, -3);
   lua_pop(L, 1);

@@ -171,7 +171,7 @@ TEST_F(Report, ShowsDrawingsBeforeThePlotsAsImagesThatCannotRun) {
   EXPECT_LT(drawing, page.find("<svg"));
 }
 
-// Whoever opens it reads first what was done, whether it is good, and the number that matters.
+// Read first: what was done, whether it is good, and the number that matters.
 TEST_F(Report, BeginsWithTheSentenceTheNumberAndItsVerdict) {
   test::ReportedRecorder recorder(parent_.path(), test::servo_start());
   recorder.result({"path_error_rms", 137e-6, "m"});

@@ -88,7 +88,7 @@ export function restWords(store) {
            short: `${most < 0.05 ? '0' : most.toFixed(2)} A`, how: 'coils, read back' };
 }
 
-/** Alarms that still want somebody, the worst first. */
+/** Alarms that are not dealt with, the worst first. */
 export function openAlarms(store) {
   const rank = { high: 3, medium: 2, low: 1 };
   return (store.status.alarms ?? []).filter((alarm) => alarm.active || !alarm.acknowledged_by)
