@@ -15,8 +15,8 @@
 namespace vitreo {
 namespace {
 
-// Since the exposure: what is older is not steered by. With a clock that is 100 ms behind, 180 ms in
-// all, a loop is 0.2 mm off; with 150 ms 0.4 (docs/reliability.md).
+// Since the exposure: what is older is not steered by. With a clock that is 100 ms behind, 180 ms
+// in all, a loop is 0.2 mm off; with 150 ms 0.4 (docs/reliability.md).
 constexpr Time kOldest = std::chrono::milliseconds(200);
 // Of the camera's delays: with two clocks 100 ppm apart the least is wrong by 2 ms.
 constexpr Time kRemembered = std::chrono::seconds(10);

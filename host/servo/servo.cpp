@@ -291,7 +291,7 @@ struct Servo::Loop {
     }
     if (plant.standing() && settings.feedback != Feedback::none && !may_touch)
       let_the_robot_go(
-          "the robot is told to go and stands where it is seen: it is held, or what is seen is old");
+          "the robot is told to go and stands where it is seen: it is held, or the view is old");
   }
 
   void look_at_walls(const Observation& observation) {
