@@ -4,7 +4,7 @@ PREFIX ?= /usr/local
 BUILD  := build/$(PRESET)
 SUDO   := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: help setup build run test test-kernel test-long bench bench-vision asan tsan fuzz format format-check tidy install deb fresh check-scripts \
+.PHONY: help setup build run test test-kernel test-long bench bench-vision asan tsan mutate fuzz format format-check tidy install deb fresh check-scripts \
         format-scripts reference clean
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -44,6 +44,10 @@ asan:            ## every test under the address and undefined-behavior sanitize
 
 tsan:            ## every test under the thread sanitizer
 	$(MAKE) test PRESET=tsan
+
+mutate: setup $(BUILD)/CMakeCache.txt ## mutants of the safety code against their tests: 95 % must be killed (15 minutes)
+	cmake --build $(BUILD) --target mutants
+	python3 -B tests/mutation/mutate.py $(BUILD)/tests/mutation
 
 SECONDS ?= 30
 fuzz: setup      ## feed every parser of outside bytes with random ones (SECONDS=30 each; clang)

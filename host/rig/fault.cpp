@@ -89,9 +89,37 @@ void read_into(Fault& fault, const FaultKind& kind, const std::string& word,
   }
 }
 
-/// Name, what happens, to which roles, unit of `by`, its usual value, its least and its most.
-FaultKinds fault_kind_rows() {
-  return {
+}  // namespace
+
+/// Of single coils and of their amplifiers, in the way that laboratories break them: a connector
+/// that is out, turns that touch, a cable that was mounted the wrong way round, a supply that sags.
+const FaultKinds& coil_kinds() {
+  static const FaultKinds kinds{
+      {.name = "cut_off",
+       .doc = "the amplifier of `channel`, or each, gives no current: open, or stopped",
+       .roles = {"coils"},
+       .options = {"channel"}},
+      {.name = "shorted",
+       .doc = "the coil of `channel`, or each, carries its current and makes no field",
+       .roles = {"coils"},
+       .options = {"channel"}},
+      {.name = "reversed",
+       .doc = "the leads of the coil of `channel`, or each, are exchanged",
+       .roles = {"coils"},
+       .options = {"channel"}},
+      {.name = "weak",
+       .doc = "the coil of `channel`, or each, makes a part `by` of its field",
+       .roles = {"coils"},
+       .unit = "n",
+       .usual = 0.5,
+       .least = 0,
+       .most = 2,
+       .options = {"channel"}}};
+  return kinds;
+}
+
+const FaultKinds& fault_kinds() {
+  static const FaultKinds kinds{
       {"silent", "nothing comes from it any more", all_of(kLinks, kSensors), "", 0, 0, 0},
       {"late", "what it says or sees comes `by` later", all_of(kLinks, kSensors), "s", 80e-3, 0,
        10},
@@ -121,26 +149,6 @@ FaultKinds fault_kind_rows() {
       {"jump", "the clock of its time stamps is wrong by `by`", kSensors, "s", 3600, -1e5, 1e5},
       {"drift", "the clock of its time stamps goes wrong by `by` s each second", kSensors, "n",
        0.01, -1, 1},
-      {.name = "cut_off",
-       .doc = "the amplifier of `channel`, or each, gives no current: open, or stopped",
-       .roles = {"coils"},
-       .options = {"channel"}},
-      {.name = "shorted",
-       .doc = "the coil of `channel`, or each, carries its current and makes no field",
-       .roles = {"coils"},
-       .options = {"channel"}},
-      {.name = "reversed",
-       .doc = "the leads of the coil of `channel`, or each, are exchanged",
-       .roles = {"coils"},
-       .options = {"channel"}},
-      {.name = "weak",
-       .doc = "the coil of `channel`, or each, makes a part `by` of its field",
-       .roles = {"coils"},
-       .unit = "n",
-       .usual = 0.5,
-       .least = 0,
-       .most = 2,
-       .options = {"channel"}},
       {"saturated", "the amplifiers give no more than `by`", {"coils"}, "A", 0.5, 0, 100},
       {"stuck", "it is told to move and stands still", kMotions, "", 0, 0, 0},
       {"limit", "its limit switch is pressed", {"lens_mover"}, "", 0, 0, 0},
@@ -152,13 +160,12 @@ FaultKinds fault_kind_rows() {
        0.2,
        0,
        60}};
-}
-
-}  // namespace
-
-const FaultKinds& fault_kinds() {
-  static const FaultKinds kinds = fault_kind_rows();
-  return kinds;
+  static const FaultKinds all = [] {
+    FaultKinds both = kinds;
+    both.insert(both.end(), coil_kinds().begin(), coil_kinds().end());
+    return both;
+  }();
+  return all;
 }
 
 /// The kind that a fault names, if it can happen to its role.

@@ -156,7 +156,7 @@ void Interlock::set_currents(std::span<const double> currents) {
 }
 
 void Interlock::hold_for(Time duration) {
-  if (clock_ == nullptr) throw std::logic_error("holding currents for a time wants a clock");
+  if (clock_ == nullptr) return;  // the rules of time rest
   hold_ = Hold{clock_->now(), duration};
 }
 

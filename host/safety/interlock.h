@@ -88,7 +88,7 @@ class Interlock : public CoilAmplifier {
 
   /// Currents that no loop sets are let for so long: without another hold_for() until then they go
   /// to zero, which is a trip. Of a script that sets them itself, and may stand still or forget
-  /// them. A zero ends it, and while a loop beats it rests. Wants a clock.
+  /// them. A zero ends it, and while a loop beats it rests.
   void hold_for(Time duration);
 
   /// A condition under which a current may flow, beside the heartbeats (a pedal that is held);

@@ -120,8 +120,8 @@ void FrameValidator::must_change(const cv::Mat& picture) {
 
 /// Two readings without a position are no standstill: nothing was measured.
 void FrameValidator::must_change(const std::optional<Eigen::Vector3d>& position) {
-  std::optional<std::size_t> digest;
-  if (position)
+  std::optional<std::size_t> digest;  // what is not a number counts as not seen
+  if (position && position->allFinite())
     digest = std::hash<std::string_view>{}(
         std::string_view(reinterpret_cast<const char*>(position->data()), 3 * sizeof(double)));
   count(position && last_position_ == position, digest, "place");

@@ -296,9 +296,9 @@ struct Servo::Loop {
       recorder.alarm(clock.now(), "coils do not obey", AlarmPriority::high, plant.fault());
       throw DeviceError(DeviceErrorKind::protocol, "coils", plant.fault());
     }
-    if (plant.standing() && looks(settings.feedback) && !may_touch)
+    if (plant.standing() && settings.feedback != Feedback::none && !may_touch)
       let_the_robot_go(
-          "the robot is told to go and stands in the picture: it is held, or the picture is old");
+          "the robot is told to go and stands where it is seen: it is held, or the view is old");
   }
 
   void look_at_walls(const Observation& observation) {

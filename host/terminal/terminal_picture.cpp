@@ -30,6 +30,7 @@ std::string environment(const char* name) {
 Graphics graphics_of_terminal() {
   const std::string wish = environment("VITREO_GRAPHICS"), term = environment("TERM"),
                     program = environment("TERM_PROGRAM");
+  // A wish comes before all guesses: a terminal may go by the name of another.
   if (wish == "kitty") return Graphics::kitty;
   if (wish == "sixel") return Graphics::sixel;
   if (wish == "blocks") return Graphics::blocks;
@@ -42,6 +43,7 @@ Graphics graphics_of_terminal() {
   if (!between &&
       (term.starts_with("foot") || term.starts_with("mlterm") || term == "yaft-256color"))
     return Graphics::sixel;
+  // NO_COLOR asks programs for no colors (https://no-color.org): dots of Braille need none.
   const bool colors = environment("COLORTERM") == "truecolor" ||
                       term.find("256color") != std::string::npos ||
                       term.find("direct") != std::string::npos;
@@ -55,6 +57,8 @@ cv::Mat fitted_to(const cv::Mat& image, int width, int height, double aspect) {
   const cv::Size size(std::max(1, static_cast<int>(image.cols * scale)),
                       std::max(1, static_cast<int>(image.rows * scale / aspect)));
   cv::Mat made;
+  // INTER_AREA takes the mean of the pixels that fall together, so that thin lines are not lost;
+  // enlarged pixels stay sharp squares.
   cv::resize(image, made, size, 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_NEAREST);
   return made;
 }
@@ -78,6 +82,8 @@ std::string kitty_text(const cv::Mat& image, const Screen& screen) {
   std::string out;
   for (std::size_t at = 0; at < text.size(); at += kPart) {
     const bool more = at + kPart < text.size();
+    // a=T: sent and shown; f=100: a PNG; q=2: no answer, which would come in as if it were typed.
+    // m=1 says that more parts follow.
     const std::string keys = at == 0 ? "a=T,f=100,q=2," : "";
     out += fmt::format("\033_G{}m={};{}\033\\", keys, more ? 1 : 0, text.substr(at, kPart));
   }
@@ -86,6 +92,7 @@ std::string kitty_text(const cv::Mat& image, const Screen& screen) {
 
 /// A run of one sixel: "!12~" for twelve.
 void add_run(std::string& out, int count, char sixel) {
+  // Up to three sixels a count would be no shorter than they are.
   if (count > 3)
     out += fmt::format("!{}{}", count, sixel);
   else
@@ -99,20 +106,25 @@ std::string sixel_text(const cv::Mat& image, const Screen& screen) {
   const cv::Mat shown = fitted_to(image, std::min(image.cols, screen.columns * kCellWidth),
                                   screen.rows * kCellHeight * 2 / 3, 1);
   const int levels = gray ? 32 : 6, colors = gray ? 32 : 216;
+  // OpenCV keeps blue, green, red: channel 2 is red, the highest digit of the color's number.
   const auto color_at = [&](int row, int column) {
     if (gray) return shown.at<unsigned char>(row, column) * levels / 256;
     const auto pixel = shown.at<cv::Vec3b>(row, column);
     const auto level = [&](int channel) { return pixel[channel] * levels / 256; };
     return (level(2) * levels + level(1)) * levels + level(0);
   };
+  // P2 = 1: what is not drawn keeps the background. The raster attributes say that pixels are
+  // square, and how many there are.
   std::string out = fmt::format("\033P0;1q\"1;1;{};{}", shown.cols, shown.rows);
   for (int color = 0; color < colors; ++color) {
+    // Colors are defined in percent of red, green and blue (system 2).
     const auto percent = [&](int level) { return level * 100 / (levels - 1); };
     out += fmt::format("#{};2;{};{};{}", color, percent(gray ? color : color / levels / levels),
                        percent(gray ? color : color / levels % levels),
                        percent(gray ? color : color % levels));
   }
   for (int top = 0; top < shown.rows; top += 6) {
+    // Only the colors that occur in a band get a pass: of 216 most bands have few.
     std::vector<bool> there(static_cast<std::size_t>(colors));
     const int foot = std::min(top + 6, shown.rows);
     for (int row = top; row < foot; ++row)
@@ -126,11 +138,13 @@ std::string sixel_text(const cv::Mat& image, const Screen& screen) {
         int bits = 0;
         for (int row = top; row < foot; ++row)
           if (color_at(row, column) == color) bits |= 1 << (row - top);
+        // A sixel is '?' plus its six bits, of which the lowest is the uppermost pixel.
         if (bits != last && run > 0) add_run(out, run, static_cast<char>('?' + last)), run = 0;
         last = bits;
         ++run;
       }
       add_run(out, run, static_cast<char>('?' + last));
+      // $ goes back to the left edge for the next color, - goes down to the next band.
       out += '$';
     }
     out += '-';
@@ -145,6 +159,7 @@ std::string blocks_text(const cv::Mat& image, const Screen& screen) {
   for (int row = 0; row < shown.rows; row += 2) {
     for (int column = 0; column < shown.cols; ++column) {
       const auto upper = shown.at<cv::Vec3b>(row, column);
+      // Below the last row of an odd number there is black.
       const auto lower = row + 1 < shown.rows ? shown.at<cv::Vec3b>(row + 1, column) : cv::Vec3b();
       out += fmt::format("\033[38;2;{};{};{};48;2;{};{};{}m\u2580", upper[2], upper[1], upper[0],
                          lower[2], lower[1], lower[0]);
@@ -169,6 +184,7 @@ std::string braille_picture(const cv::Mat& image, const Screen& screen) {
   cv::Mat gray = fitted_to(image, screen.columns * 2, screen.rows * 4 * 2 / 3, 1);
   if (gray.channels() == 3) cv::cvtColor(gray, gray, cv::COLOR_BGR2GRAY);
   cv::Mat level;
+  // Grays in a narrow range, as of a dim picture, would be all dark or all lit otherwise.
   cv::normalize(gray, level, 0, 255, cv::NORM_MINMAX, CV_32F);
   cv::Mat dots = cv::Mat::zeros(level.size(), CV_8U);
   for (int row = 0; row < level.rows; ++row)
@@ -181,6 +197,8 @@ std::string braille_picture(const cv::Mat& image, const Screen& screen) {
         if (row + down < level.rows && column + right >= 0 && column + right < level.cols)
           level.at<float>(row + down, column + right) += error * share / 16;
       };
+      // Sixteenths of the error, to pixels only that are still to be decided: right, and in the row
+      // below to the left, straight down and to the right.
       spread(0, 1, 7), spread(1, -1, 3), spread(1, 0, 5), spread(1, 1, 1);
     }
   std::string out;
@@ -203,6 +221,8 @@ Screen screen_of(int descriptor) {
   if (isatty(descriptor) == 0) return {};
   Screen screen{graphics_of_terminal(), 80, 24};
   winsize size{};
+  // A tiny size, or 0 as of a serial console, is not believed. One less of each is used: some
+  // terminals wrap a line that is full, and the prompt needs a row.
   if (ioctl(descriptor, TIOCGWINSZ, &size) == 0 && size.ws_col > 20 && size.ws_row > 8) {
     screen.columns = size.ws_col - 1;
     screen.rows = size.ws_row - 1;

@@ -15,8 +15,10 @@
 namespace vitreo {
 namespace {
 
+// Characters at most: a plot as large as a large window would drive what was said before out of it.
 constexpr int kMostColumns = 110, kMostRows = 22;
 constexpr std::array kSeriesColors{36, 33, 35, 32, 34, 31};  // ANSI: told apart on dark and light
+// Without colors the legend tells series apart by a solid line, three dashes and four dashes.
 constexpr std::array kSigns{"\u2500", "\u2504", "\u2508"};
 
 /// Dots of one cell in the order of their bits.
@@ -43,6 +45,7 @@ class Canvas {
     cell.series = series;
   }
   // Steps along the longer side, so that no dot of the line is left out.
+  // As many steps as the longer of its two sides has dots: a line has no gap at any slope.
   void line(PlotPoint a, PlotPoint b, int series) {
     const double steps = std::max({1.0, std::fabs(b.x - a.x), std::fabs(b.y - a.y)});
     for (double i = 0; i <= steps; ++i)
@@ -55,6 +58,7 @@ class Canvas {
     // The color is ended after each sign: a line that is cut leaves the terminal as it was.
     for (int column = 0; column < columns_; ++column) {
       const Cell& cell = cells_[static_cast<std::size_t>(row * columns_ + column)];
+      // U+2800 to U+28FF are three bytes of UTF-8 each: 1110xxxx 10xxxxxx 10xxxxxx.
       const int code = 0x2800 + cell.dots;
       const std::string sign{static_cast<char>(0xE0 | (code >> 12)),
                              static_cast<char>(0x80 | ((code >> 6) & 0x3F)),
@@ -77,6 +81,7 @@ class Canvas {
 
 /// The axes' ends lie on the outermost dots: hence one less than the width and the height.
 void draw(Canvas& canvas, const Drawing& drawing) {
+  // Values grow upward, rows of dots downward: y is counted from the high end of its range.
   const auto place = [&](const PlotPoint& point) {
     return PlotPoint{(point.x - drawing.x.low) / drawing.x.span() * (canvas.width() - 1),
                      (drawing.y.high - point.y) / drawing.y.span() * (canvas.height() - 1)};
@@ -93,6 +98,7 @@ void draw(Canvas& canvas, const Drawing& drawing) {
       }
 }
 
+// By columns, not by bytes: a letter beyond ASCII has several bytes and one column.
 std::string padded(const std::string& text, std::size_t columns) {
   const std::size_t width = columns_of(text);
   return std::string(width < columns ? columns - width : 0, ' ') + text;
@@ -107,6 +113,7 @@ std::string x_labels(const Ticks& ticks, const Range& range, int columns) {
     const int width = static_cast<int>(columns_of(ticks.labels[i]));
     const int at =
         static_cast<int>((ticks.at[i] - range.low) / range.span() * (columns - 1)) - width / 2;
+    // A label at an end of the axis is moved inward: it would hang over the edge of the canvas.
     const int begin = std::clamp(at, 0, std::max(0, columns - width));
     if (begin < written + (written > 0 ? 1 : 0)) continue;
     line += std::string(static_cast<std::size_t>(begin - written), ' ') + ticks.labels[i];
@@ -138,11 +145,15 @@ std::string plot_text(const Plot& plot, const Screen& screen) {
   const int wide = std::clamp(screen.columns, 40, kMostColumns);
   // Ranges and ticks are the report's, for a box of as many px as there are dots or so.
   Plot linear = plot;
+  // Ticks here are made in equal steps, so that a logarithmic axis is drawn as a linear one; the
+  // box has the screen's shape, not the trajectory's.
   linear.x.logarithmic = linear.y.logarithmic = linear.equal_aspect = false;
   const Drawing drawing = lay_out_plot(linear, wide * 9, rows * 18 + 80);
   if (drawing.empty) return "no data\n";
   // A tick each three rows, and each ten columns: room for the longest labels.
+  // A label in about three rows, and one in about ten columns: closer ones would crowd each other.
   const Ticks y_ticks = make_ticks(drawing.y, nice_step(drawing.y.span(), rows / 3.0));
+  // As wide as the widest label: the axis is one straight line.
   std::size_t margin = 0;
   for (const std::string& label : y_ticks.labels) margin = std::max(margin, columns_of(label));
   const int columns = wide - static_cast<int>(margin) - 2;
@@ -156,6 +167,8 @@ std::string plot_text(const Plot& plot, const Screen& screen) {
   for (int row = 0; row < rows; ++row) {
     std::string label;
     for (std::size_t i = 0; i < y_ticks.at.size(); ++i) {
+      // A tick stands in the row that is nearest to its value: at most half a row, or two dots,
+      // off.
       const double at = (drawing.y.high - y_ticks.at[i]) / drawing.y.span() * (rows - 1);
       if (std::lround(at) == row) label = y_ticks.labels[i];
     }

@@ -20,6 +20,8 @@ constexpr double kTolerance = 0.1e-3;  // m: of the believed walls against the t
 constexpr double kNearFor = 0.5;       // s
 constexpr double kClearFor = 1.0;      // s, before a robot counts as one that was clear
 
+// Streams of places begin with x, y, z: the record's own order (host/servo/servo_record.cpp). NaN
+// where the loop did not see the robot, or it is not in the eye.
 Eigen::Vector3d place(const Stream& stream, std::size_t row) {
   return {stream.at(row, 0), stream.at(row, 1), stream.at(row, 2)};
 }
@@ -48,6 +50,8 @@ std::optional<Eigen::Vector3d> place_at(const Stream& truth, Time time) {
   return before + part * (after - before);
 }
 
+// By the set-points of the loop: the soak's faults of coils are behind them, so a coil that is open
+// counts as flowing here, and a robot that falls beside it is a violation.
 bool flows(const Stream* currents, Time time) {
   if (currents == nullptr) return false;
   const auto row = row_at(*currents, time);
@@ -104,6 +108,8 @@ void check_blind(const Recorder& recorder, std::vector<std::string>& found) {
   const Stream* const servo = recorder.stream("servo");
   const Stream* const currents = recorder.stream("currents");
   if (estimate == nullptr || servo == nullptr || estimate->times.empty()) return;
+  // A frame's row has its exposure's time and the estimate's is of the command, up to a latency
+  // later: 0.2 s are allowed between them, and the currents must flow at both ends.
   Lasting blind;
   for (std::size_t row = 0; row < servo->times.size(); ++row) {
     const Time now = servo->times[row];
@@ -123,6 +129,8 @@ void check_nearness(const Recorder& recorder, OpenRig& rig, std::vector<std::str
   const Stream* const truth = recorder.stream("truth");
   const Stream* const currents = recorder.stream("currents");
   if (servo == nullptr || truth == nullptr) return;
+  // The believed walls and any attitude of the body, at the true place and without its covariance:
+  // what is left is the eye's own uncertainty, for which kTolerance stands.
   const RobotClearance surface(rig.rig().model, ClearanceBelief{});
   Lasting near;
   double clear = 0;  // s, up to now
@@ -135,6 +143,8 @@ void check_nearness(const Recorder& recorder, OpenRig& rig, std::vector<std::str
     const double distance = clearance->nearest().distance;
     if (distance > surface.margin() + kTolerance) clear += to_seconds(now - before);
     before = now;
+    // A robot that was let go sinks, and one that lay on the retina before it was taken up is near
+    // it: neither is the loop's doing.
     const bool claimed = place(*servo, row).allFinite() && flows(currents, now);
     near.see(claimed && clear > kClearFor && distance < surface.margin() - kTolerance &&
                  !may_touch(recorder.events(), now),
@@ -152,6 +162,8 @@ void check_nearness(const Recorder& recorder, OpenRig& rig, std::vector<std::str
 std::vector<std::string> check_claims(const PatientStreams& streams) {
   std::vector<std::string> found;
   if (streams.servo == nullptr || streams.truth == nullptr) return found;
+  // A frame that is not seen neither ends nor lengthens the span: a loop that sees the robot at the
+  // wrong place in every second frame is wrong all the time.
   Lasting apart;
   for (std::size_t row = 0; row < streams.servo->times.size(); ++row) {
     const Time now = streams.servo->times[row];

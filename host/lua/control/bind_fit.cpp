@@ -22,6 +22,8 @@ CurveSamples samples_of(const Call& call, std::size_t options) {
   if (!call.has(options)) return samples;
   // One number stands for all: the noise of one instrument.
   call.push_option("sigma");
+  // One sigma for all leaves the parameters as they are, but their covariance is then absolute: it
+  // is no longer scaled by what is left over.
   if (lua_type(call.L, -1) == LUA_TNUMBER)
     samples.sigma.assign(samples.x.size(), lua_tonumber(call.L, -1));
   else if (const auto list = to_numbers(call.L, lua_gettop(call.L)))
@@ -65,6 +67,8 @@ void add_common(ResultTable& table, const CurveFit& fit) {
 }
 
 // A sigma that is not finite, of a fit without a freedom left, is left out by ResultTable.
+// NAME_sigma is the root of the covariance's diagonal: correlations between parameters are not
+// told.
 int named_result(const Call& call, const CurveFit& fit, const std::vector<std::string>& names) {
   ResultTable table(call);
   for (std::size_t i = 0; i < names.size(); ++i) {
@@ -75,6 +79,7 @@ int named_result(const Call& call, const CurveFit& fit, const std::vector<std::s
   return 1;
 }
 
+// Parameters without names come as lists: in the order of the powers of x, or of f's arguments.
 int listed_result(const Call& call, const CurveFit& fit) {
   std::vector<double> sigmas;
   for (int i = 0; i < fit.parameters.size(); ++i) sigmas.push_back(fit.sigma(i));
@@ -86,6 +91,8 @@ int listed_result(const Call& call, const CurveFit& fit) {
 }
 
 // In the order of control/curve_fit.h's parameters.
+// In the order of the parameters in control/curve_fit.cpp: in another one a parameter's value would
+// stand under another's name.
 const std::vector<std::string> kLine{"intercept", "slope"};
 const std::vector<std::string> kExponential{"amplitude", "rate", "offset"};
 const std::vector<std::string> kGaussian{"amplitude", "center", "width", "offset"};
@@ -113,6 +120,7 @@ int fit_gaussian(Call& call) {
 double value_of(lua_State* L, int function, const Eigen::VectorXd& parameters, double x) {
   // The solver calls this thousands of times: the stack is as it was after each.
   const int top = lua_gettop(L);
+  // Lua does not check a push: too many parameters would be written beyond the end of its stack.
   if (!lua_checkstack(L, static_cast<int>(parameters.size()) + 4))
     throw std::runtime_error("too many parameters");
   lua_pushvalue(L, function);
@@ -124,6 +132,7 @@ double value_of(lua_State* L, int function, const Eigen::VectorXd& parameters, d
     lua_settop(L, top);
     throw std::runtime_error(message);
   }
+  // The stack is as it was before on each way out: the solver comes here many times in one call.
   const bool number = lua_type(L, -1) == LUA_TNUMBER;
   const double value = lua_tonumber(L, -1);
   const std::string kind = number ? "" : kind_of(L, -1);
@@ -147,6 +156,7 @@ int fit_custom(Call& call) {
   // On the script's own thread: Ceres runs one thread (control/curve_fit.cpp), and Lua stands still
   // meanwhile. What the function raises comes back as an error of this call.
   lua_State* const L = call.L;
+  // The function stays at its place of the stack for the whole fit: the registry need not keep it.
   const int function = call.index(0);
   return listed_result(call, control::fit_curve(
                                  [L, function](const Eigen::VectorXd& parameters, double x) {

@@ -19,6 +19,7 @@ namespace vitreo::lua {
 namespace {
 
 // In the registry, which scripts do not see.
+// A key of Lua's registry, which scripts cannot reach: a global of theirs could hide the screen.
 constexpr const char* kScreen = "vitreo.prompt.screen";
 
 struct PromptScreen {
@@ -28,6 +29,7 @@ struct PromptScreen {
 
 /// Throws std::runtime_error outside of a prompt, where the rows do not exist either: a script that
 /// was written for the prompt is told, not crashed.
+/// Only the prompt sets a screen: a run without one is told so, instead of drawing into nothing.
 PromptScreen screen_at(lua_State* L) {
   PromptScreen screen;
   if (lua_getfield(L, LUA_REGISTRYINDEX, kScreen) == LUA_TUSERDATA)
@@ -71,6 +73,7 @@ std::vector<std::vector<double>> lists_at(lua_State* L, int index) {
   std::vector<std::vector<double>> lists;
   if (!lua_istable(L, index))
     throw std::invalid_argument("y: wants a list of numbers, or several, got " + kind_of(L, index));
+  // A list that is wrong is told by its number, counted from 1 as Lua counts.
   for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, index)); ++i) {
     lua_rawgeti(L, index, i);
     const auto list = to_numbers(L, lua_gettop(L));
@@ -92,6 +95,7 @@ void take_plot_options(const Call& call, Plot& plot) {
     (name[0] == 'x' ? plot.x : plot.y) = axis_named(L, lua_gettop(L), name);
     lua_pop(L, 1);
   }
+  // Labels beyond the last series are passed over; a series without one is not in the legend.
   call.push_option("labels");
   const int labels = lua_gettop(L);
   for (std::size_t i = 0; lua_istable(L, labels) && i < plot.series.size(); ++i) {
@@ -114,6 +118,7 @@ int draw_plot(Call& call) {
   Plot plot;
   const std::vector<double> x = call.numbers(0);
   for (std::vector<double>& y : lists_at(call.L, call.index(1))) {
+    // Refused before anything is drawn: points would be missing, and it would not show.
     if (y.size() != x.size())
       throw std::invalid_argument("y has " + std::to_string(y.size()) + " numbers, x has " +
                                   std::to_string(x.size()));
@@ -121,6 +126,7 @@ int draw_plot(Call& call) {
   }
   if (call.has(2))
     take_plot_options(call, plot);
+  // The same rule as take_plot_options() has where no mark is given.
   else if (plot.series.size() > 1)
     plot.series[0].mark = Mark::points;
   *screen.out << plot_text(plot, size_of(screen)) << std::flush;
@@ -190,6 +196,8 @@ end)";
 
 // A userdata and no light one: it is the state's, and goes with it. The stream outlives the state.
 void set_prompt_screen(lua_State* L, std::ostream& out, bool interactive) {
+  // A pointer and a flag: Lua frees their bytes, and no destructor is needed. `out` has to outlive
+  // the state.
   auto* const screen = static_cast<PromptScreen*>(lua_newuserdatauv(L, sizeof(PromptScreen), 0));
   *screen = {&out, interactive};
   lua_setfield(L, LUA_REGISTRYINDEX, kScreen);
@@ -233,6 +241,8 @@ void open_follow(lua_State* L) {
   luaL_getmetatable(L, run_class().name.c_str());
   lua_getfield(L, -1, "__index");
   // open_class() in interpreter/binding.cpp makes it so.
+  // Upvalue 1 of __index are the methods. They take the metatable's place on the stack, as the
+  // first argument; the others follow in the order of kFollow's first line.
   if (lua_getupvalue(L, -1, 1) == nullptr) throw std::logic_error("run has no methods");
   lua_replace(L, -3);
   lua_pop(L, 1);

@@ -15,6 +15,7 @@ namespace vitreo::lua {
 namespace {
 
 constexpr std::size_t kLineWidth = 100;
+// Frames of a trace that are shown: those of a deep recursion would all say the same.
 constexpr int kFrames = 8;
 
 /// "lib.lua:12: in function 'f'": file and line; line 0 where it is no place in a file of the
@@ -26,9 +27,11 @@ struct Place {
 
 Place place_of(const std::string& text) {
   const std::size_t colon = text.find(':');
+  // A trace has [C] for functions in C++ and [string "..."] for chunks without a file.
   if (colon == std::string::npos || text.starts_with('[')) return {};
   const std::size_t end = text.find(':', colon + 1);
   const std::string number = text.substr(colon + 1, end - colon - 1);
+  // Eight digits fit into an int, where std::stoi() would throw for more.
   if (number.empty() || number.size() > 8 ||
       number.find_first_not_of("0123456789") != std::string::npos)
     return {};
@@ -39,6 +42,7 @@ Place place_of(const std::string& text) {
 std::string source_line(const Place& place, const std::vector<std::string>& typed) {
   std::string line;
   if (place.file == "prompt") {
+    // What was typed is in no file: the prompt keeps its lines. They count from 1.
     if (place.line <= static_cast<int>(typed.size()))
       line = typed[static_cast<std::size_t>(place.line - 1)];
   } else {
@@ -56,6 +60,7 @@ std::string shortened(const std::string& message) {
   constexpr std::size_t kEnd = 500;
   if (message.size() <= 3 * kEnd) return message;
   const auto begins = [&](std::size_t at) {  // no character is cut
+    // 10xxxxxx continues a character of UTF-8: the cut moves on to where the next one begins.
     while (at < message.size() && (static_cast<unsigned char>(message[at]) & 0xC0) == 0x80) ++at;
     return at;
   };
@@ -67,6 +72,8 @@ std::string shortened(const std::string& message) {
 /// One pair of a table to a line, where all of it is too long for one.
 std::string long_table(lua_State* L, int index, const FieldUnits& units) {
   std::string text = "{";
+  // Keys are sorted, since the order of a Lua table changes from run to run; access is raw, so that
+  // no __index of a script runs while its value is shown.
   push_sorted_keys(L, index);
   const int keys = lua_gettop(L);
   const auto count = static_cast<lua_Integer>(lua_rawlen(L, keys));
@@ -93,6 +100,7 @@ std::string in_columns(lua_State* L, int index, const FieldUnits& units) {
   std::vector<std::string> names;
   std::vector<std::vector<std::string>> rows;
   for (lua_Integer i = 1; i <= std::min(count, kShown); ++i) {
+    // A vector {x, y, z} is a table too, but one value: a list of positions has no columns.
     if (lua_rawgeti(L, index, i) != LUA_TTABLE || to_vector(L, lua_gettop(L)))
       return lua_pop(L, 1), "";
     const int row = lua_gettop(L);
@@ -110,6 +118,7 @@ std::string in_columns(lua_State* L, int index, const FieldUnits& units) {
       lua_pop(L, 1);
     }
     lua_settop(L, row - 1);
+    // Fields are sorted: rows with the same names have them in the same order.
     if (!plain || (i > 1 && fields != names)) return "";
     names = std::move(fields);
     rows.push_back(std::move(cells));
@@ -134,6 +143,7 @@ std::string in_columns(lua_State* L, int index, const FieldUnits& units) {
 /// A handle: what it is, and what can be asked of it.
 std::string handle_text(lua_State* L, const Class& kind) {
   std::vector<std::string> names;
+  // A rig's fields are its roles, which differ from rig to rig and are in no list of methods.
   if (kind.name == rig_class().name) names = context_of(L).session->rig.roles();
   for (const Binding& row : kind.methods) names.push_back(row.name);
   std::string text = kind.name + ":";
@@ -166,6 +176,7 @@ std::string show_value(lua_State* L, int index, const Context::Result& from) {
   const std::string text = pretty(L, index, 3, units);
   const bool plain_table =
       lua_istable(L, index) && luaL_getmetafield(L, index, "__tostring") == LUA_TNIL;
+  // luaL_getmetafield() pushes nothing where there is no such field: only else there is one to pop.
   if (lua_istable(L, index) && !plain_table) lua_pop(L, 1);
   return plain_table && text.size() > kLineWidth && lua_rawlen(L, index) == 0
              ? long_table(L, index, units)

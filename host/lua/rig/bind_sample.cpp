@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kHandling = 3600;                // s of wall time: a person may be long at it
 constexpr Time kCall = std::chrono::minutes(10);  // of a handler that is a program
+// For one frame; a camera that takes longer has failed.
 constexpr Time kPhotograph = std::chrono::seconds(5);
 
 /// One thing to do: its words for a person, its task for a program in the person's place, and the
@@ -29,6 +30,7 @@ struct Handling {
   std::function<void(SampleHandler&)> act;
 };
 
+// To 0.01 mm, finer than a hand can place anything; a program gets meters, as numbers.
 std::string place_words(const Eigen::Vector3d& p) {
   return fmt::format("x {:.2f}, y {:.2f}, z {:.2f} mm", p.x() * 1e3, p.y() * 1e3, p.z() * 1e3);
 }
@@ -40,7 +42,9 @@ nlohmann::json numbers_of(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z(
 int photograph(Call& call, const Handling& done) {
   Session& session = session_of(call.L);
   Camera* const camera = session.rig.top_camera;
+  // In a dry run no hand was there, and no camera looks.
   if (camera == nullptr || session.rehearsal != nullptr) return 0;
+  // Shared, since the worker may still write to them when a stop has ended the wait.
   auto frame = std::make_shared<Frame>();
   auto missing = std::make_shared<std::string>();
   return call.wait(work(
@@ -52,6 +56,7 @@ int photograph(Call& call, const Handling& done) {
           *missing = error.what();
         }
       },
+      // Longer than grab() waits: its own error says more than that of a worker out of time.
       2 * kPhotograph,
       [frame, missing, name = done.name, request = done.request, &session](Call&) {
         if (missing->empty())
@@ -73,6 +78,7 @@ int handle(Call& call, const Handling& wanted) {
   question.text = wanted.request + ": is it done?";
   question.answer.name = wanted.name;
   question.answer.kind = ParameterKind::flag;
+  // By default no: else the rig would take for done what is not done.
   question.answer.fallback = false;
   question.task = wanted.task;
   question.task["do"] = wanted.name;
@@ -118,6 +124,7 @@ std::string gel_asked_for(Call& call) {
   const auto loss = call.number_option("loss_modulus");
   const auto gel = call.text_option("gel");
   if (!storage && !loss) return gel.value_or("");
+  // G' without G'' (or the reverse) leaves the share of loss open, and a name says both already.
   if (gel || !storage || !loss)
     throw std::invalid_argument("gel: either a name, or storage_modulus and loss_modulus together");
   return control::gel_text({*storage, *loss, call.number_option("frequency").value_or(1)});

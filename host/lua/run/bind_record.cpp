@@ -35,6 +35,8 @@ Sample sample_of(const Call& call, int index) {
     sample.keys.push_back(key);
     sample.values.push_back(value);
   };
+  // The keys come sorted: the order of a Lua table changes from run to run, and that of the
+  // channels must not.
   for (const std::string& key : text_keys(L, index)) {
     if (key == kTimes)
       throw std::invalid_argument("values: time: is kept for every sample; give this another name");
@@ -106,6 +108,7 @@ void check_channels(const std::string& stream, const std::vector<std::string>& k
                                   " is missing; it was in the first sample of " + stream);
 }
 
+// The row's time is that of the call, on the run's clock: a script cannot date a sample back.
 int record(Call& call) {
   Session& session = session_of(call.L);
   const std::string name = call.text(0);
@@ -135,6 +138,7 @@ int record_frames(Call& call) {
   const FramePolicy policy{call.text(0), every,
                            static_cast<int>(call.number_option("window").value_or(0)),
                            call.number_option("around").value_or(0)};
+  // A window of 0 px means whole frames, and 0 s around events means all the time.
   session.frames.check(policy);
   if (session.rehearsal != nullptr)
     session.rehearsal->frames.push_back(policy);
@@ -233,6 +237,7 @@ int errors(Call& call) {
   const auto text = [&call](const char* name) { return call.text_option(name).value_or(""); };
   const Session& session = session_of(call.L);
   const double now = to_seconds(session.clock.now());
+  // By default up to now and not to kEnd, as the error of an empty span tells both its ends.
   const double from = call.number_option("from").value_or(0),
                to = call.number_option("to").value_or(now);
   const ErrorStatistics s =
@@ -241,6 +246,7 @@ int errors(Call& call) {
   check_compared(call, s.count, from, to);
   ResultTable table(call);
   table.number("count", static_cast<double>(s.count));
+  // The names are those of error_fields(), from which the reference is made; all are lengths in m.
   const std::pair<const char*, double> fields[] = {{"rms", s.rms},
                                                    {"mean", s.mean},
                                                    {"max", s.max},

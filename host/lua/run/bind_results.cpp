@@ -35,6 +35,7 @@ std::string shown_unit(const std::string& symbol) {
 /// The last one counts: what came out may overtake what was hoped for.
 int headline(Call& call) {
   Session& session = session_of(call.L);
+  // As an event: those that were overtaken stay in the record, each with its time.
   session.recorder.event(session.clock.now(), "headline", call.text(0));
   return 0;
 }
@@ -62,6 +63,7 @@ Axis axis_of(lua_State* L, int index, const std::string& name) {
       (i == 1 ? axis.label : axis.unit) = lua_tostring(L, -1);
     lua_pop(L, 1);
   }
+  // A unit that is not known is refused here: after the run, in the report, it would be too late.
   known_unit(axis.unit);
   lua_getfield(L, index, "log");
   axis.logarithmic = lua_toboolean(L, -1) != 0;
@@ -113,6 +115,7 @@ Series series_of(lua_State* L, int index, const std::string& where) {
   if (lua_getfield(L, index, "spread") != LUA_TNIL)
     series.spread = values_field(L, index, "spread", where);
   lua_pop(L, 1);
+  // A point without its bar among others that have one would look as if it were exact.
   if (!series.spread.empty() && series.spread.size() != series.x.size())
     throw std::invalid_argument(where + "spread has " + std::to_string(series.spread.size()) +
                                 " numbers, x has " + std::to_string(series.x.size()));
@@ -121,6 +124,7 @@ Series series_of(lua_State* L, int index, const std::string& where) {
 
 /// {label =, at =} or {label =, low =, high =}, an end that is left out being the plot's.
 Expected expected_of(lua_State* L, int index, const std::string& where) {
+  // Infinity is an end that is left out: a finite one would show as an edge on a longer axis.
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + " wants a table, got " + kind_of(L, index));
@@ -130,6 +134,7 @@ Expected expected_of(lua_State* L, int index, const std::string& where) {
                     number_field(L, index, "low", where, -kInfinity),
                     number_field(L, index, "high", where, kInfinity)};
   if (!std::isnan(at)) expected.low = expected.high = at;
+  // In this form it refuses NaN too, which is not at most anything.
   if (!(expected.low <= expected.high) || (std::isinf(expected.low) && std::isinf(expected.high)))
     throw std::invalid_argument(where + " wants at, or low or high, low at most high");
   return expected;
@@ -139,6 +144,7 @@ Annotation annotation_of(lua_State* L, int index, const std::string& where) {
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + " wants a table, got " + kind_of(L, index));
   refuse_unknown(L, index, where, {"text", "x", "y"});
+  // NaN is a coordinate that was not given: y may be missing, which makes it a dotted line.
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   Annotation annotation{text_field(L, index, "text", where, false),
                         number_field(L, index, "x", where, kNone),
@@ -209,6 +215,7 @@ int table(Call& call) {
   for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(call.L, rows)); ++i) {
     lua_rawgeti(call.L, rows, i);
     table.rows.push_back(cells_of(call.L, lua_gettop(call.L), "row " + std::to_string(i)));
+    // In a row that is too short every later cell would stand below another column's head.
     if (table.rows.back().size() != table.header.size())
       throw std::invalid_argument("row " + std::to_string(i) + ": has " +
                                   std::to_string(table.rows.back().size()) +

@@ -4,8 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
+#include <functional>
 #include <mutex>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace vitreo {
@@ -60,6 +64,83 @@ TEST(RunWatchdog, TellsHowFarAStopHasComeThatTakesItsTime) {
   const std::lock_guard lock(mutex);
   EXPECT_EQ(told[0], "stop requested");
   EXPECT_EQ(told[1], "stopping, waiting for lens_mover:move_to");
+}
+
+/// A run whose script is stuck: it holds the baton and makes no call. The limits are a tenth of the
+/// usual, and so are the bounds.
+struct StuckRun : testing::Test {
+  using Steady = std::chrono::steady_clock;
+  WatchdogLimits limits() const {
+    WatchdogLimits limits;
+    limits.clean_up = 600ms;
+    limits.safe = 25ms;
+    limits.grace = 500ms;
+    limits.dead_man = 100ms;
+    return limits;
+  }
+  void SetUp() override {
+    control.attach({[] {},
+                    [this] {
+                      safe_at = since();
+                      return std::vector<std::string>();
+                    }});
+  }
+  std::chrono::milliseconds since() const {
+    return std::chrono::duration_cast<std::chrono::milliseconds>(Steady::now() - began);
+  }
+  WatchdogActions actions() {
+    return {[this] { given_up_at = since(); }, [this] { return energized.load(); },
+            [this](const std::string& why) {
+              tripped_at = since();
+              tripped = why;
+              energized = false;
+            }};
+  }
+  /// Holds the baton for so long, or until `done`.
+  void be_stuck(std::chrono::milliseconds most, const std::function<bool()>& done) const {
+    const auto until = Steady::now() + most;
+    while (Steady::now() < until && !done()) std::this_thread::yield();
+  }
+  RunControl control;
+  std::atomic<bool> energized{false};
+  std::atomic<std::chrono::milliseconds> safe_at{-1ms}, given_up_at{-1ms}, tripped_at{-1ms};
+  std::string tripped;
+  Steady::time_point began = Steady::now();
+};
+
+TEST_F(StuckRun, IsTrippedInRealTimeByTheDeadManOnceItIsEnergized) {
+  const auto clock = virtual_clock(Pace::real_time);
+  const Watchdog watchdog(control, *clock, limits(), actions());
+  clock->sleep_for(1ms);
+  be_stuck(400ms, [] { return false; });
+  EXPECT_EQ(tripped_at.load(), -1ms) << "nothing is energized";
+  clock->sleep_for(1ms);
+  energized = true;
+  began = Steady::now();
+  be_stuck(2s, [&] { return tripped_at.load() >= 0ms; });
+  EXPECT_GE(tripped_at.load(), 95ms);
+  EXPECT_LT(tripped_at.load(), 400ms);
+  EXPECT_EQ(tripped.find("dead-man: the host has not moved for "), 0u) << tripped;
+  clock->sleep_for(1ms);  // it has come back
+}
+
+TEST_F(StuckRun, IsNotTrippedOnTheVirtualClockWhereTimeStandsStillMeanwhile) {
+  const auto clock = virtual_clock();
+  const Watchdog watchdog(control, *clock, limits(), actions());
+  energized = true;
+  be_stuck(300ms, [] { return false; });
+  EXPECT_EQ(tripped_at.load(), -1ms);
+}
+
+TEST_F(StuckRun, ThatComesBackAfterItWasMadeSafeIsNotGivenUp) {
+  const auto clock = virtual_clock();
+  const Watchdog watchdog(control, *clock, limits(), actions());
+  control.request(StopTier::abort);
+  be_stuck(2s, [&] { return safe_at.load() >= 0ms; });
+  clock->sleep_for(1ms);
+  while (clock->displaced()) clock->sleep_for(1ms);
+  EXPECT_EQ(given_up_at.load(), -1ms);
+  EXPECT_TRUE(control.safe());
 }
 
 }  // namespace

@@ -48,6 +48,35 @@ TEST_F(FrameValidatorTest, TheThirdEqualPositionEndsTheLoopAndNoneIsNone) {
   EXPECT_TRUE(refused(one));
 }
 
+TEST_F(FrameValidatorTest, PicturesThatComeBackToTheBitEndTheLoop) {
+  for (const int cycle : {2, 3, 7, 16}) {
+    FrameValidator validator(*clock_, recorder_, "top_camera");
+    const auto picture = [&](int k) { return cv::Mat(4, 6, CV_8UC1, cv::Scalar(k % cycle)); };
+    for (int k = 0; k < cycle + 5; ++k) ASSERT_NO_THROW(validator.must_change(picture(k))) << k;
+    EXPECT_THROW(validator.must_change(picture(cycle + 5)), DeviceError) << cycle;
+  }
+}
+
+TEST_F(FrameValidatorTest, AClockThatLeapsIsNamedBeforeTheDeadManActs) {
+  using namespace std::chrono_literals;
+  FrameValidator validator(*clock_, recorder_, "top_camera", 0.02);
+  std::uint64_t number = 0;
+  const auto next = [&](Time wrong) {
+    clock_->sleep_for(20ms);
+    const Time now = clock_->now();
+    return validator.plausible({{}, ++number, now - 80ms + wrong, now});
+  };
+  for (int k = 0; k < 50; ++k) ASSERT_TRUE(next(0ms));
+  const Time leapt = clock_->now();
+  try {
+    for (;;) EXPECT_FALSE(next(60ms));
+  } catch (const DeviceError& error) {
+    EXPECT_NE(std::string(error.what()).find("its clock was set, or drifts"), std::string::npos)
+        << error.what();
+  }
+  EXPECT_LT(clock_->now() - leapt, 250ms);
+}
+
 /// A frame that has just come, of a camera whose clock is `ahead` of the host's and has taken
 /// `delay` to bring it.
 Frame arrived(const Clock& clock, std::uint64_t number, Time ahead, Time delay) {

@@ -2,7 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/trials/soak_check.h"
 
+#include "host/trials/soak_patient.h"
+
 #include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
 
 namespace vitreo {
 namespace {
@@ -77,6 +84,79 @@ TEST(SoakPlan, FollowsFromItsSeedAloneAndHasEveryKindOfEnd) {
   EXPECT_GT(stops, 150);
   EXPECT_GT(alone, 50);
   EXPECT_EQ(kinds.size(), fault_kinds().size());
+}
+
+/// Ten seconds of a loop at 20 Hz: where it saw the robot, where that was, and a current.
+struct SoakPatient : testing::Test {
+  using Places = std::function<double(double)>;  // m along x, of s
+  static Stream stream(const char* name, const std::vector<std::string>& channels,
+                       const std::function<std::vector<double>(double)>& row) {
+    Stream one;
+    one.info.name = name;
+    for (const std::string& channel : channels) one.info.channels.push_back({channel, "", ""});
+    for (int k = 0; k < 200; ++k) {
+      const double time = 0.05 * k;
+      one.times.push_back(from_seconds(time));
+      for (const double value : row(time)) one.values.push_back(value);
+    }
+    return one;
+  }
+  static std::vector<std::string> found(const Places& believed, const Places& truth,
+                                        const Places& current) {
+    const Stream servo = stream("servo", {"x", "y", "z"}, [&](double time) {
+      return std::vector<double>{believed(time), 0, 0};
+    });
+    const Stream real = stream("truth", {"x", "y", "z"}, [&](double time) {
+      return std::vector<double>{truth(time), 0, 0};
+    });
+    const Stream currents = stream("currents", {"i1", "i2"}, [&](double time) {
+      return std::vector<double>{0, current(time)};
+    });
+    return check_claims({&servo, &real, &currents});
+  }
+  static double at_rest(double) { return 1e-3; }
+  static double on(double) { return -2; }
+};
+
+TEST_F(SoakPatient, IsContentWithABeliefThatIsTrue) {
+  EXPECT_TRUE(found(
+                  at_rest, [](double) { return 1.4e-3; }, on)
+                  .empty());
+  const auto moving = [](double time) { return 1e-3 * time; };
+  EXPECT_TRUE(found(moving, moving, on).empty());
+}
+
+TEST_F(SoakPatient, CondemnsHalfAMillimeterForHalfASecondWhileCurrentsFlow) {
+  const auto away = [](double begin, double end) {
+    return [=](double time) { return time >= begin && time < end ? 1.7e-3 : 1e-3; };
+  };
+  const auto bad = found(at_rest, away(3, 3.7), on);
+  ASSERT_EQ(bad.size(), 1u);
+  EXPECT_NE(bad[0].find("up to 0.70 mm"), std::string::npos) << bad[0];
+  EXPECT_NE(bad[0].find("from 3.0 s"), std::string::npos) << bad[0];
+  EXPECT_TRUE(found(at_rest, away(3, 3.3), on).empty()) << "a third of a second";
+  EXPECT_TRUE(found(at_rest, away(3, 6), [](double) { return 0.0; }).empty()) << "at zero";
+  const auto not_seen = [](double time) { return time > 3 ? std::nan("") : 1e-3; };
+  EXPECT_TRUE(found(not_seen, away(3, 6), on).empty()) << "it claims nothing";
+}
+
+TEST(SoakPlan, DrawsMachinesCoilsAndCamerasThatWereMoved) {
+  const SimulatedRoles roles{{"coils", {true, false}}, {"top_camera", {}}, {"pose_sensor", {}}};
+  int machines = 0, of_one_coil = 0;
+  for (std::uint64_t seed = 1; seed <= 500; ++seed) {
+    const SoakPlan plan = draw_plan(seed, roles, 10);
+    machines += plan.machine != 0 ? 1 : 0;
+    for (const Fault& fault : plan.faults) {
+      if (!fault.channel) continue;
+      ++of_one_coil;
+      EXPECT_GE(*fault.channel, 1);
+      EXPECT_LE(*fault.channel, 8);
+      EXPECT_EQ(fault.role, "coils");
+    }
+  }
+  EXPECT_GT(machines, 200);
+  EXPECT_LT(machines, 300);
+  EXPECT_GT(of_one_coil, 20);
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ TEST_F(Prompt, HelpComesFromTheBindings) {
                                          "settle, timeout, within_angle, direction, "
                                          "turn_speed})",
                                          "servo:close()"});
-  expect_all(prompt("help(rig.coils)\n"), {"coils:set_currents(currents)"});
+  expect_all(prompt("help(rig.coils)\n"), {"coils:set_currents(currents, {hold})"});
   expect_all(prompt("help('servo:go_to')\n"),
              {"within: a number in m, 1 \u00b5m to 10 mm, may be left out; how near is there"});
   expect_all(prompt("help('follow')\n"), {"servo:follow(path, "});

@@ -1,0 +1,105 @@
+// Stamp watch: a clock that is set, drifts or is ahead is told from frames that are late, jitter,
+// or come when they like.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/stamp_watch.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace vitreo {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Time kPeriod = 20ms;
+constexpr Time kLatency = 80ms;
+
+/// A camera with a true exposure every period.
+struct Camera {
+  StampWatch watch{to_seconds(kPeriod)};
+  std::uint64_t number = 0;
+  /// The stamp that much wrong, the arrival that much later.
+  std::string next(Time wrong = 0ms, Time late = 0ms) {
+    const Time exposed = static_cast<std::int64_t>(++number) * kPeriod;
+    const Time received = exposed + kLatency + late;
+    return watch.fault({{}, number, exposed + wrong, received}, received);
+  }
+  void run(int frames) {
+    for (int i = 0; i < frames; ++i) ASSERT_EQ(next(), "");
+  }
+};
+
+TEST(StampWatch, TellsALeapOfTheClockAtTheFirstFrame) {
+  for (const Time leap : {-600ms, -300ms, -60ms, -20ms, -12ms, 12ms, 20ms, 60ms}) {
+    Camera camera;
+    camera.run(100);
+    const std::string fault = camera.next(leap);
+    EXPECT_NE(fault.find("have moved by"), std::string::npos) << leap.count() << ": " << fault;
+  }
+}
+
+TEST(StampWatch, TellsThatAFrameIsOfTheFuture) {
+  Camera camera;
+  camera.run(3);
+  EXPECT_NE(camera.next(82ms).find("2 ms in the future"), std::string::npos);
+  EXPECT_EQ(camera.next(), "") << "the next one is judged by itself";
+}
+
+TEST(StampWatch, LetsFramesBeLateAndLost) {
+  Camera camera;
+  camera.run(10);
+  EXPECT_EQ(camera.next(0ms, 60ms), "");
+  for (int i = 0; i < 200; ++i) EXPECT_EQ(camera.next(0ms, 100ms), "") << "late for good";
+  camera.number += 40;
+  EXPECT_EQ(camera.next(), "");
+}
+
+TEST(StampWatch, LetsArrivalsJitter) {
+  std::mt19937 random(1);
+  std::uniform_int_distribution<int> late(0, 18000);
+  Camera camera;
+  for (int i = 0; i < 3000; ++i)
+    ASSERT_EQ(camera.next(0ms, std::chrono::microseconds(late(random))), "") << i;
+}
+
+TEST(StampWatch, TellsADriftBeforeItIsThirtyMilliseconds) {
+  for (const double rate : {2e-3, 5e-3, 20e-3, -2e-3, -20e-3}) {
+    Camera camera;
+    double wrong = 0;
+    std::string fault;
+    while (fault.empty() && std::abs(wrong) < 0.1) {
+      fault = camera.next(from_seconds(wrong));
+      wrong += rate * to_seconds(kPeriod);
+    }
+    EXPECT_LT(std::abs(wrong), 0.045) << rate;
+    EXPECT_FALSE(fault.empty());
+  }
+}
+
+TEST(StampWatch, LetsCrystalsBeFarApartForHours) {
+  Camera camera;
+  for (int i = 0; i < 100'000; ++i)  // 2000 s
+    ASSERT_EQ(camera.next(-static_cast<std::int64_t>(i) * kPeriod / 5000), "") << i;
+}
+
+TEST(StampWatch, LetsACameraExposeWhenItLikes) {
+  StampWatch watch(to_seconds(kPeriod));
+  std::mt19937 random(2);
+  std::uniform_int_distribution<int> pause(15, 120);
+  Time exposed{};
+  for (std::uint64_t number = 1; number < 500; ++number) {
+    exposed += std::chrono::milliseconds(pause(random));
+    ASSERT_EQ(watch.fault({{}, number, exposed, exposed + kLatency}, exposed + kLatency), "");
+  }
+}
+
+TEST(StampWatch, OfAnUnknownPeriodJudgesTheFutureAlone) {
+  StampWatch watch(0);
+  EXPECT_EQ(watch.fault({{}, 1, 0ms, 80ms}, 80ms), "");
+  EXPECT_EQ(watch.fault({{}, 2, 90ms, 100ms}, 100ms), "");
+  EXPECT_NE(watch.fault({{}, 3, 121ms, 120ms}, 120ms), "");
+}
+
+}  // namespace
+}  // namespace vitreo
