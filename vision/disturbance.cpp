@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -118,83 +119,59 @@ void smear(cv::Mat& image, int length, cv::RNG& random) {
   cv::filter2D(image, image, -1, kernel);
 }
 
+// Factors of blue, green and red: light, then casts.
+constexpr std::array<std::array<double, 3>, 6> kLights{{{0.5, 0.5, 0.5},
+                                                        {0.7, 0.7, 0.7},
+                                                        {1.3, 1.3, 1.3},
+                                                        {1.6, 1.6, 1.6},
+                                                        {1.15, 1, 0.88},
+                                                        {0.85, 1, 1.1}}};
+constexpr std::array kQualities{50, 30, 12};   // of JPEG
+constexpr std::array kDefocus{2.5, 4.5, 7.5};  // px, sigma
+constexpr std::array kSmears{9, 15};           // px
+constexpr std::array kCovered{0.9, 0.5, 0.1};  // semi-minor axes from the center
+constexpr std::array kReflexAway{1.0, 1.6};    // semi-minor axes from the center
+constexpr std::array kReflexSigma{9.0, 16.0};  // px
+constexpr int kFirstLight = 1;
+constexpr int kSlope = kFirstLight + 6;
+constexpr int kFirstQuality = kSlope + 1;
+constexpr int kFirstDefocus = kFirstQuality + 3;
+constexpr int kFirstSmear = kFirstDefocus + 3;
+constexpr int kNoise = kFirstSmear + 2;
+constexpr int kFirstCover = kNoise + 1;
+constexpr int kFirstReflex = kFirstCover + 3;
+static_assert(kFirstReflex + 2 == kDisturbances);
+
 }  // namespace
 
 // The kinds in the order of issue 22's list: light, cast, compression, defocus, smear, noise,
-// cover, glare.
+// cover, glare. A disturbed camera still has its noise.
 cv::Mat disturbed(const cv::Mat& image, const Ellipse& object, int kind, std::uint64_t seed) {
   cv::RNG random(seed * 0x9e3779b97f4a7c15ULL + static_cast<std::uint64_t>(kind) + 1);
   cv::Mat result = image.clone();
-  const auto blurred = [&](double sigma) { cv::GaussianBlur(result, result, {0, 0}, sigma); };
-  switch (kind) {
-    case 1:
-      scale_channels(result, 0.5, 0.5, 0.5);
-      break;
-    case 2:
-      scale_channels(result, 0.7, 0.7, 0.7);
-      break;
-    case 3:
-      scale_channels(result, 1.3, 1.3, 1.3);
-      break;
-    case 4:
-      scale_channels(result, 1.6, 1.6, 1.6);
-      break;
-    case 5:
-      scale_channels(result, 1.15, 1, 0.88);
-      break;
-    case 6:
-      scale_channels(result, 0.85, 1, 1.1);
-      break;
-    case 7:
-      slope(result, 0.35, random);
-      break;
-    case 8:
-      compress(result, 50);
-      break;
-    case 9:
-      compress(result, 30);
-      break;
-    case 10:
-      compress(result, 12);
-      break;
-    case 11:
-      blurred(2.5);
-      break;
-    case 12:
-      blurred(4.5);
-      break;
-    case 13:
-      blurred(7.5);
-      break;
-    case 14:
-      smear(result, 9, random);
-      break;
-    case 15:
-      smear(result, 15, random);
-      break;
-    case 16:
-      add_noise(result, 8, random);
-      break;
-    case 17:
-      cover(result, object, 0.9, random);
-      break;
-    case 18:
-      cover(result, object, 0.5, random);
-      break;
-    case 19:
-      cover(result, object, 0.1, random);
-      break;
-    case 20:
-      outshine(result, object, 1.0, 9, random);
-      break;
-    case 21:
-      outshine(result, object, 1.6, 16, random);
-      break;
-    default:
-      break;
+  const auto of = [kind](const auto& values, int first) {
+    return values[static_cast<std::size_t>(kind - first)];
+  };
+  if (kind < kFirstLight) return result;
+  if (kind < kSlope) {
+    const auto& factors = of(kLights, kFirstLight);
+    scale_channels(result, factors[0], factors[1], factors[2]);
+  } else if (kind == kSlope) {
+    slope(result, 0.35, random);
+  } else if (kind < kFirstDefocus) {
+    compress(result, of(kQualities, kFirstQuality));
+  } else if (kind < kFirstSmear) {
+    cv::GaussianBlur(result, result, {0, 0}, of(kDefocus, kFirstDefocus));
+  } else if (kind < kNoise) {
+    smear(result, of(kSmears, kFirstSmear), random);
+  } else if (kind == kNoise) {
+    add_noise(result, 8, random);
+  } else if (kind < kFirstReflex) {
+    cover(result, object, of(kCovered, kFirstCover), random);
+  } else {
+    outshine(result, object, of(kReflexAway, kFirstReflex), of(kReflexSigma, kFirstReflex), random);
   }
-  // A disturbed camera still has its noise.
-  if (kind > 0 && kind != 16) add_noise(result, 1.5, random);
+  if (kind != kNoise) add_noise(result, 1.5, random);
   return result;
 }
 
