@@ -5,8 +5,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <iterator>
 #include <vector>
 
 namespace vitreo::vision {
@@ -88,6 +88,10 @@ void outshine(cv::Mat& image, const Ellipse& object, double away, double sigma, 
   }
 }
 
+void scale_channels(cv::Mat& image, double blue, double green, double red) {
+  cv::multiply(image, cv::Scalar(blue, green, red), image);
+}
+
 // Light that falls off to one side, as in a corner of the view or at a spot's edge.
 void slope(cv::Mat& image, double least, cv::RNG& random) {
   const double angle = random.uniform(0.0, 2 * CV_PI);
@@ -115,85 +119,59 @@ void smear(cv::Mat& image, int length, cv::RNG& random) {
   cv::filter2D(image, image, -1, kernel);
 }
 
-using Disturb = void (*)(cv::Mat& image, const Ellipse& object, cv::RNG& random);
-
-template <int Percent>
-void light(cv::Mat& image, const Ellipse&, cv::RNG&) {
-  cv::multiply(image, cv::Scalar::all(Percent * 0.01), image);
-}
-
-// A cast: the channels blue, green, red in percent, as of a lamp that warms up or a filter.
-template <int Blue, int Green, int Red>
-void cast(cv::Mat& image, const Ellipse&, cv::RNG&) {
-  cv::multiply(image, cv::Scalar(Blue * 0.01, Green * 0.01, Red * 0.01), image);
-}
-
-template <int Quality>
-void compressed(cv::Mat& image, const Ellipse&, cv::RNG&) {
-  compress(image, Quality);
-}
-
-// A Gaussian for the disc of a defocus: its sigma in tenths of a px.
-template <int Tenths>
-void defocused(cv::Mat& image, const Ellipse&, cv::RNG&) {
-  cv::GaussianBlur(image, image, {0, 0}, Tenths * 0.1);
-}
-
-template <int Length>
-void smeared(cv::Mat& image, const Ellipse&, cv::RNG& random) {
-  smear(image, Length, random);
-}
-
-// How far from the center the covered part begins, in tenths of the semi-minor axis.
-template <int Tenths>
-void covered(cv::Mat& image, const Ellipse& object, cv::RNG& random) {
-  cover(image, object, Tenths * 0.1, random);
-}
-
-// Where the reflex is, in tenths of the semi-minor axis, and its sigma, px.
-template <int Tenths, int Sigma>
-void outshone(cv::Mat& image, const Ellipse& object, cv::RNG& random) {
-  outshine(image, object, Tenths * 0.1, Sigma, random);
-}
-
-constexpr int kNoisy = 16;  // the kind that has its own noise
-
-// Light, cast, vignette, compression, defocus, smear, noise,
-// cover, glare. The first is the image as it is.
-constexpr Disturb kDisturb[] = {
-    [](cv::Mat&, const Ellipse&, cv::RNG&) {},
-    light<50>,
-    light<70>,
-    light<130>,
-    light<160>,
-    cast<115, 100, 88>,
-    cast<85, 100, 110>,
-    [](cv::Mat& image, const Ellipse&, cv::RNG& random) { slope(image, 0.35, random); },
-    compressed<50>,
-    compressed<30>,
-    compressed<12>,
-    defocused<25>,
-    defocused<45>,
-    defocused<75>,
-    smeared<9>,
-    smeared<15>,
-    [](cv::Mat& image, const Ellipse&, cv::RNG& random) { add_noise(image, 8, random); },
-    covered<9>,
-    covered<5>,
-    covered<1>,
-    outshone<10, 9>,
-    outshone<16, 16>};
-static_assert(std::size(kDisturb) == kDisturbances);
+// Factors of blue, green and red: light, then casts.
+constexpr std::array<std::array<double, 3>, 6> kLights{{{0.5, 0.5, 0.5},
+                                                        {0.7, 0.7, 0.7},
+                                                        {1.3, 1.3, 1.3},
+                                                        {1.6, 1.6, 1.6},
+                                                        {1.15, 1, 0.88},
+                                                        {0.85, 1, 1.1}}};
+constexpr std::array kQualities{50, 30, 12};   // of JPEG
+constexpr std::array kDefocus{2.5, 4.5, 7.5};  // px, sigma
+constexpr std::array kSmears{9, 15};           // px
+constexpr std::array kCovered{0.9, 0.5, 0.1};  // semi-minor axes from the center
+constexpr std::array kReflexAway{1.0, 1.6};    // semi-minor axes from the center
+constexpr std::array kReflexSigma{9.0, 16.0};  // px
+constexpr int kFirstLight = 1;
+constexpr int kSlope = kFirstLight + 6;
+constexpr int kFirstQuality = kSlope + 1;
+constexpr int kFirstDefocus = kFirstQuality + 3;
+constexpr int kFirstSmear = kFirstDefocus + 3;
+constexpr int kNoise = kFirstSmear + 2;
+constexpr int kFirstCover = kNoise + 1;
+constexpr int kFirstReflex = kFirstCover + 3;
+static_assert(kFirstReflex + 2 == kDisturbances);
 
 }  // namespace
 
-// Drawn anew for each kind and seed, so that no kind depends on those before it.
+// The kinds in the order of issue 22's list: light, cast, compression, defocus, smear, noise,
+// cover, glare. A disturbed camera still has its noise.
 cv::Mat disturbed(const cv::Mat& image, const Ellipse& object, int kind, std::uint64_t seed) {
   cv::RNG random(seed * 0x9e3779b97f4a7c15ULL + static_cast<std::uint64_t>(kind) + 1);
   cv::Mat result = image.clone();
-  if (kind > 0 && kind < kDisturbances) kDisturb[kind](result, object, random);
-  // A disturbed camera still has its noise.
-  if (kind > 0 && kind != kNoisy) add_noise(result, 1.5, random);
+  const auto of = [kind](const auto& values, int first) {
+    return values[static_cast<std::size_t>(kind - first)];
+  };
+  if (kind < kFirstLight) return result;
+  if (kind < kSlope) {
+    const auto& factors = of(kLights, kFirstLight);
+    scale_channels(result, factors[0], factors[1], factors[2]);
+  } else if (kind == kSlope) {
+    slope(result, 0.35, random);
+  } else if (kind < kFirstDefocus) {
+    compress(result, of(kQualities, kFirstQuality));
+  } else if (kind < kFirstSmear) {
+    cv::GaussianBlur(result, result, {0, 0}, of(kDefocus, kFirstDefocus));
+  } else if (kind < kNoise) {
+    smear(result, of(kSmears, kFirstSmear), random);
+  } else if (kind == kNoise) {
+    add_noise(result, 8, random);
+  } else if (kind < kFirstReflex) {
+    cover(result, object, of(kCovered, kFirstCover), random);
+  } else {
+    outshine(result, object, of(kReflexAway, kFirstReflex), of(kReflexSigma, kFirstReflex), random);
+  }
+  if (kind != kNoise) add_noise(result, 1.5, random);
   return result;
 }
 

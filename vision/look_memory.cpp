@@ -22,7 +22,8 @@ constexpr double kShapeMean = 3;
 constexpr double kLargest = 14;
 constexpr double kCaution = 1.3;  // of a variance from 16 looks
 constexpr double kMostFactor = 400;
-constexpr int kMostLooks = 20000;  // of a file
+constexpr std::size_t kFewestOthers = 30;  // for which their density stands
+constexpr int kMostLooks = 20000;          // of a file
 
 double squared_distance(const LookFeatures& a, const LookFeatures& b) {
   float sum = 0;
@@ -30,11 +31,33 @@ double squared_distance(const LookFeatures& a, const LookFeatures& b) {
   return sum;
 }
 
-// Mean squared error of the neighbors over what it should be, or what their largest one demands.
-double factor_of(double sum, double largest, double count, double mean) {
-  return std::clamp(std::max(kCaution * sum / (count * mean), largest / kLargest), 1.0,
-                    kMostFactor);
+double kernel(double d2) {
+  constexpr double kTwice = 2 * kBandwidth * kBandwidth;
+  return d2 < 4.5 * kTwice ? std::exp(-d2 / kTwice) : 0;
 }
+
+// Density of the looks at anything else: Gaussian kernels (Parzen).
+double density_of(const std::vector<LookFeatures>& others, const LookFeatures& look) {
+  double sum = 0;
+  for (const LookFeatures& other : others) sum += kernel(squared_distance(look, other));
+  return sum / static_cast<double>(std::max<std::size_t>(others.size(), kFewestOthers));
+}
+
+// Squared errors of neighbors. factor(): the mean of the nearest over what it should be, or what
+// the largest of all demands.
+struct Errors {
+  double sum = 0;
+  double largest = 0;
+  double count = 0;
+  void add(double squared, bool nearest) {
+    largest = std::max(largest, squared);
+    if (nearest) sum += squared, ++count;
+  }
+  double factor(double mean) const {
+    return std::clamp(std::max(kCaution * sum / (count * mean), largest / kLargest), 1.0,
+                      kMostFactor);
+  }
+};
 
 void save_look(ByteWriter& out, const LookFeatures& look) {
   for (const float value : look) out.f32(value);
@@ -68,37 +91,23 @@ LookWorth LookMemory::worth(const LookFeatures& look) const {
   double like = 0;
   for (const Object& object : objects_) {
     const double d2 = squared_distance(look, object.look);
-    if (d2 < 9 * kBandwidth * kBandwidth) like += std::exp(-d2 / (2 * kBandwidth * kBandwidth));
+    like += kernel(d2);
     if (d2 >= near.back().distance) continue;
     std::size_t at = kNeighbors - 1;
     for (; at > 0 && near[at - 1].distance > d2; --at) near[at] = near[at - 1];
     near[at] = {d2, &object};
   }
-  double unlike = 0;
-  for (const LookFeatures& other : others_) {
-    const double d2 = squared_distance(look, other);
-    if (d2 < 9 * kBandwidth * kBandwidth) unlike += std::exp(-d2 / (2 * kBandwidth * kBandwidth));
-  }
-  double center = 0;
-  double most_center = 0;
-  double shape = 0;
-  double most_shape = 0;
-  double count = 0;
+  Errors center;
+  Errors shape;
   for (std::size_t k = 0; k < near.size() && near[k].object != nullptr; ++k) {
-    const Object& one = *near[k].object;
-    most_center = std::max<double>(most_center, one.center);
-    most_shape = std::max<double>(most_shape, one.shape);
-    if (k >= kNearest) continue;
-    center += one.center, shape += one.shape;
-    ++count;
+    center.add(near[k].object->center, k < kNearest);
+    shape.add(near[k].object->shape, k < kNearest);
   }
   const double strange = std::max(1.0, near.front().distance / (4 * kBandwidth * kBandwidth));
-  result.center = strange * factor_of(center, most_center, count, kCenterMean);
-  result.shape = strange * factor_of(shape, most_shape, count, kShapeMean);
-  const auto objects = static_cast<double>(objects_.size());
-  const auto others = static_cast<double>(std::max<std::size_t>(others_.size(), 30));
-  result.likeness =
-      std::log((like / objects + kLeastDensity) / (unlike / others + kUnknownDensity));
+  result.center = strange * center.factor(kCenterMean);
+  result.shape = strange * shape.factor(kShapeMean);
+  result.likeness = std::log((like / static_cast<double>(objects_.size()) + kLeastDensity) /
+                             (density_of(others_, look) + kUnknownDensity));
   return result;
 }
 

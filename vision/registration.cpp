@@ -135,6 +135,25 @@ Candidate search_pose(const RegistrationView& first, const RegistrationView& sec
 // A pixel of the finer level is half as wide, hence the factor on the shift.
 void scale_shift(Eigen::Affine2d& transform, double by) { transform.translation() *= by; }
 
+// By the parts of the overlap at half the resolution, where noise matters less: a pose that only
+// what is fixed to the sensor agrees with, or a model that does not fit, shows there. Adds to
+// `result` what it shows.
+bool verified(const RegistrationView& first, const RegistrationView& second,
+              Eigen::Affine2d second_from_first, Registration& result) {
+  scale_shift(second_from_first, 0.5);
+  const PartAgreement parts = agreement_of(first, second, second_from_first, 1);
+  const double off = 2 * parts.rms_px;  // of full resolution
+  if (parts.parts < kFewestParts || parts.agreeing < kLeastAgreeing * parts.parts ||
+      off > kMostOff_px)
+    return false;
+  result.agreeing = static_cast<double>(parts.agreeing) / parts.parts;
+  // The flattening differs between two views and moves a part by up to a quarter of a pixel, each
+  // its own way; what is left beyond that, and beyond each part's noise, the model cannot follow.
+  const double noise = result.sigma_px * std::sqrt(static_cast<double>(parts.agreeing));
+  result.sigma_px = std::hypot(result.sigma_px, std::max(off - kFlattening_px - 2 * noise, 0.0));
+  return true;
+}
+
 }  // namespace
 
 // Coarse to fine: the pyramid's levels in turn, each from the result of the one before.
@@ -168,21 +187,7 @@ std::optional<Registration> refine_registration(const RegistrationView& first,
     }
     if (level > 0) scale_shift(second_from_first, 2);
   }
-  // Verified by the parts of the overlap at half the resolution, where noise matters less: a pose
-  // that only what is fixed to the sensor agrees with, or a model that does not fit, shows there.
-  Eigen::Affine2d halved = second_from_first;
-  scale_shift(halved, 0.5);
-  const PartAgreement parts = agreement_of(first, second, halved, 1);
-  if (parts.parts < kFewestParts || parts.agreeing < kLeastAgreeing * parts.parts ||
-      2 * parts.rms_px > kMostOff_px)
-    return std::nullopt;
-  result.agreeing = static_cast<double>(parts.agreeing) / parts.parts;
-  // The flattening differs between two views and moves a part by up to a quarter of a pixel, each
-  // its own way; what is left beyond that, and beyond the noise, the model cannot follow.
-  const double noise = result.sigma_px * std::sqrt(static_cast<double>(parts.agreeing));
-  const double left =
-      std::max(std::hypot(2 * parts.rms_px, noise) - kFlattening_px - 2 * noise, 0.0);
-  result.sigma_px = std::hypot(result.sigma_px, left);
+  if (!verified(first, second, second_from_first, result)) return std::nullopt;
   result.first_from_second = second_from_first.inverse();
   return result;
 }

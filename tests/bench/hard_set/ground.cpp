@@ -13,6 +13,7 @@ namespace {
 
 const cv::Scalar kTissue(48, 84, 156);  // blue, green, red of a fundus
 
+// The ground is larger than the view, for its drift.
 cv::Size whole(const cv::Size& view) {
   return {view.width + 2 * kGroundMargin, view.height + 2 * kGroundMargin};
 }
@@ -128,6 +129,7 @@ Ground photograph(const std::string& folder, const std::string& file, const cv::
 
 }  // namespace
 
+// One generator for all: the order of the grounds is a part of their seeds.
 std::vector<Ground> generated_grounds(std::uint64_t seed, const cv::Size& view) {
   cv::RNG random(0x9e3779b97f4a7c15ULL * (seed + 1));
   const cv::Size size = whole(view);
@@ -140,6 +142,7 @@ std::vector<Ground> generated_grounds(std::uint64_t seed, const cv::Size& view) 
   return grounds;
 }
 
+// Parts chosen so that the fundus' disc, its larger vessels and its black rim each come into view.
 std::vector<Ground> photographed_grounds(const std::string& folder, const cv::Size& view) {
   const cv::Size size = whole(view);
   return {photograph(folder, "retina.jpg", {0.1, 0.17, 0.8, 0.68}, "fundus", size),

@@ -19,6 +19,7 @@ constexpr double kFarPx = 5;
 constexpr double kFarSigma = 5;
 constexpr int kFindingFrames = 2;  // that may pass before a robot in view is called lost
 
+// CPU time of this thread: other programs on the machine do not count.
 double cpu_seconds() {
   timespec t{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
@@ -28,6 +29,7 @@ double cpu_seconds() {
 // One robot's verdict, frame by frame.
 class Account {
  public:
+  // A robot that just came into view is not lost yet: a find has to be believed first.
   void frame(const vision::Track& track, const vision::Ellipse& truth, double visible) {
     const bool shown = visible >= kSeen;
     in_view_ = visible > 0 ? in_view_ + 1 : 0;
@@ -50,6 +52,7 @@ class Account {
   Verdict verdict;
 
  private:
+  // The rule: wrong is beyond 5 px or beyond 5 sigma, whichever comes first.
   void measured(const vision::EllipseMeasurement& seen, const vision::Ellipse& truth) {
     const Eigen::Vector2d off = seen.ellipse.center_px - truth.center_px;
     const Eigen::Matrix2d covariance = seen.covariance.topLeftCorner<2, 2>();
@@ -65,6 +68,7 @@ class Account {
   bool found_ = false;
 };
 
+// For a look at one sequence: what was believed, how surely, and what it was.
 void print_frame(int k, const vision::Track& track, const Shot& shot) {
   std::printf("%3d %-9s truth %6.1f %6.1f visible %.2f", k, name_of(track.state).c_str(),
               shot.truth.center_px.x(), shot.truth.center_px.y(), shot.visible);
@@ -122,6 +126,7 @@ void Verdict::add(const Verdict& o) {
   worst_seconds = std::max(worst_seconds, o.worst_seconds);
 }
 
+// One tracker from the first frame to the last, nothing pointed at: it finds the robot by itself.
 Verdict judge(const Scene& scene, const JudgeSettings& settings) {
   const vision::ObjectModel model =
       vision::ObjectModel::train(scene.training(), {}, settings.tracker.view);

@@ -12,6 +12,7 @@ namespace {
 
 using vision::Ellipse;
 
+// Training is at other times of the same way, far from the frames that are judged.
 constexpr int kTrainingFrom = 4000;
 constexpr int kTrainingStep = 41;
 
@@ -33,6 +34,7 @@ Ellipse zoomed(Ellipse e, double zoom, const cv::Size& view) {
   return e;
 }
 
+// From `at` onwards, to beyond the view; with 4 bits of sub-pixels.
 void fill_bar(cv::Mat& light, const cv::Point2d& at, double angle, double wide,
               const cv::Scalar& color) {
   const cv::Point2d along(std::cos(angle), std::sin(angle));
@@ -46,6 +48,8 @@ void fill_bar(cv::Mat& light, const cv::Point2d& at, double angle, double wide,
 
 }  // namespace
 
+// Vessels of the robot's gray are drawn once, in the ground's frame; the noise too, of which each
+// frame takes another part.
 Scene::Scene(const Ground& ground, const Variant& variant, std::uint64_t seed, const cv::Size& view)
     : ground_(ground), variant_(variant), seed_(seed), view_(view) {
   cv::RNG random(0x2545F4914F6CDD1DULL * (seed + 7));
@@ -92,6 +96,8 @@ Ellipse Scene::twin_at(double k) const {
   return e;
 }
 
+// Drifts to and fro within the margin, so that no edge of the ground is ever seen; jumps at frames
+// 20 and 60 to one side and at 40 back; zooms about the view's middle.
 cv::Mat Scene::ground_at(int k) const {
   const double far = 0.85 * kGroundMargin;
   cv::Point2d shift(far * std::sin(variant_.drift_px * k / far),
@@ -116,7 +122,8 @@ cv::Mat Scene::ground_at(int k) const {
   return light.mul(cv::Scalar::all(1) - share) + share.mul(cv::Scalar(74, 72, 70));
 }
 
-// Anti-aliased by 4 x 4 samples a pixel.
+// Anti-aliased by 4 x 4 samples a pixel. The shadow lies 4 px to the right and 3 px down, a little
+// larger than the body and without a sharp edge: it moves the measured rim as in a real view.
 void Scene::draw_body(cv::Mat& light, const Ellipse& e) const {
   const int reach = static_cast<int>(e.semi_major_px) + 8;
   const cv::Rect box = cv::Rect(cvFloor(e.center_px.x()) - reach, cvFloor(e.center_px.y()) - reach,
@@ -178,6 +185,8 @@ double Scene::cover_up(cv::Mat& light, const Ellipse& e, int k) const {
   return left / double{kSamples};
 }
 
+// Light as factors: flicker at no multiple of the frame rate, bands as of a rolling shutter, a
+// vignette that falls as r^2, and a spot of 150 px that leaves 40 % elsewhere.
 void Scene::shine(cv::Mat& light, int k) const {
   const double flicker = variant_.light * (1 + variant_.flicker * std::sin(2.3 * k + phase_[7]));
   const cv::Point2d middle(light.cols / 2.0, light.rows / 2.0);
@@ -249,6 +258,8 @@ cv::Mat Scene::camera(const cv::Mat& light, int k) const {
   return cv::imdecode(file, cv::IMREAD_COLOR);
 }
 
+// In the order of the light: ground, bodies, what covers them, lamp, smear, defocus, what shines
+// into the lens, sensor.
 Shot Scene::shot(int k) const {
   Shot shot;
   shot.truth = robot_at(k);
@@ -284,6 +295,7 @@ Shot Scene::shot(int k) const {
   return shot;
 }
 
+// Robot, color and camera of the variant, but none of what makes it hard.
 std::vector<vision::LabeledImage> Scene::training() const {
   Variant plain;
   plain.semi_axes = variant_.semi_axes;

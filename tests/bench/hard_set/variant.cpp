@@ -3,7 +3,8 @@
 
 namespace vitreo::hard_set {
 
-// Issue 22's words, and the review's variants behind them.
+// Issue 22's words, and the review's variants behind them, in their order: ground, robot and what
+// covers it, light, camera, training. Append at the end: a variant's number is a part of its seeds.
 std::vector<Variant> all_variants() {
   return {
       {.name = "plain"},

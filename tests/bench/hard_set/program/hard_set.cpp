@@ -72,6 +72,7 @@ void print_head() {
               ">5 s", "px", "bias px", "inside", "found", "fps", "worst us");
 }
 
+// fps: of update() alone, by CPU time. found: most frames until a robot in view was tracked.
 void print_row(const std::string& name, const Verdict& v) {
   std::printf("%-30s %5d %5d %5d %5d %6.2f %5.2f, %5.2f %5.0f%% %6d %6.0f %8.0f\n", name.c_str(),
               v.shown, v.lost, v.wrong, v.beyond_sigma, v.there > 0 ? v.off_px / v.there : 0,
@@ -101,6 +102,8 @@ void dump(const Scene& scene, const std::string& folder) {
   }
 }
 
+// The seed of a sequence depends on the numbers of its variant and its ground alone, so that a row
+// can be repeated by itself.
 void run(const Options& options) {
   std::vector<Ground> grounds = generated_grounds(options.seed, kView);
   if (!options.photos.empty())
