@@ -89,8 +89,6 @@ void read_into(Fault& fault, const FaultKind& kind, const std::string& word,
   }
 }
 
-}  // namespace
-
 /// Of single coils and of their amplifiers, in the way that laboratories break them: a connector
 /// that is out, turns that touch, a cable that was mounted the wrong way round, a supply that sags.
 const FaultKinds& coil_kinds() {
@@ -118,8 +116,9 @@ const FaultKinds& coil_kinds() {
   return kinds;
 }
 
-const FaultKinds& fault_kinds() {
-  static const FaultKinds kinds{
+/// Name, what happens, to which roles, unit of `by`, its usual value, its least and its most.
+FaultKinds fault_kind_rows() {
+  return {
       {"silent", "nothing comes from it any more", all_of(kLinks, kSensors), "", 0, 0, 0},
       {"late", "what it says or sees comes `by` later", all_of(kLinks, kSensors), "s", 80e-3, 0,
        10},
@@ -160,8 +159,13 @@ const FaultKinds& fault_kinds() {
        0.2,
        0,
        60}};
+}
+
+}  // namespace
+
+const FaultKinds& fault_kinds() {
   static const FaultKinds all = [] {
-    FaultKinds both = kinds;
+    FaultKinds both = fault_kind_rows();
     both.insert(both.end(), coil_kinds().begin(), coil_kinds().end());
     return both;
   }();

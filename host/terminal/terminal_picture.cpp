@@ -101,6 +101,18 @@ void add_run(std::string& out, int count, char sixel) {
 
 /// Six rows of pixels a band, a pass for each color in it (DEC STD 070; VT330/VT340 manual, chapter
 /// 14): 6 levels of red, green and blue, or 32 of gray.
+/// Colors are defined in percent of red, green and blue (system 2): a cube of `levels` a channel,
+/// or a ramp of grays.
+std::string sixel_palette(int colors, int levels, bool gray) {
+  const auto percent = [levels](int level) { return level * 100 / (levels - 1); };
+  std::string out;
+  for (int color = 0; color < colors; ++color)
+    out += fmt::format("#{};2;{};{};{}", color, percent(gray ? color : color / levels / levels),
+                       percent(gray ? color : color / levels % levels),
+                       percent(gray ? color : color % levels));
+  return out;
+}
+
 std::string sixel_text(const cv::Mat& image, const Screen& screen) {
   const bool gray = image.channels() == 1;
   const cv::Mat shown = fitted_to(image, std::min(image.cols, screen.columns * kCellWidth),
@@ -116,13 +128,7 @@ std::string sixel_text(const cv::Mat& image, const Screen& screen) {
   // P2 = 1: what is not drawn keeps the background. The raster attributes say that pixels are
   // square, and how many there are.
   std::string out = fmt::format("\033P0;1q\"1;1;{};{}", shown.cols, shown.rows);
-  for (int color = 0; color < colors; ++color) {
-    // Colors are defined in percent of red, green and blue (system 2).
-    const auto percent = [&](int level) { return level * 100 / (levels - 1); };
-    out += fmt::format("#{};2;{};{};{}", color, percent(gray ? color : color / levels / levels),
-                       percent(gray ? color : color / levels % levels),
-                       percent(gray ? color : color % levels));
-  }
+  out += sixel_palette(colors, levels, gray);
   for (int top = 0; top < shown.rows; top += 6) {
     // Only the colors that occur in a band get a pass: of 216 most bands have few.
     std::vector<bool> there(static_cast<std::size_t>(colors));

@@ -110,7 +110,9 @@ TEST(CurveFit, ItsSigmasAreTheSpreadOfRepeatedFits) {
     }
     // 400 draws: the mean of squares is 1 +- 0.07; five times that.
     for (const double mean : squares) EXPECT_NEAR(mean, 1, 0.35) << known;
-    if (known) EXPECT_NEAR(chi, 1, 0.06);
+    if (known) {
+      EXPECT_NEAR(chi, 1, 0.06);
+    }
   }
 }
 

@@ -124,8 +124,7 @@ int draw_plot(Call& call) {
                                   std::to_string(x.size()));
     plot.series.push_back({"", x, std::move(y), Mark::line});
   }
-  if (call.has(2))
-    take_plot_options(call, plot);
+  if (call.has(2)) take_plot_options(call, plot);
   // The same rule as take_plot_options() has where no mark is given.
   else if (plot.series.size() > 1)
     plot.series[0].mark = Mark::points;

@@ -40,8 +40,9 @@ void expect_self_contained(const std::string& whole) {
   for (std::size_t at = page.find('<'); at != std::string::npos; at = page.find('<', at + 1)) {
     const std::string tag = page.substr(at, std::min<std::size_t>(page.find('>', at) - at, 300));
     EXPECT_FALSE(contains(tag, " on")) << tag;
-    if (const std::size_t link = tag.find("href="); link != std::string::npos)
+    if (const std::size_t link = tag.find("href="); link != std::string::npos) {
       EXPECT_EQ(tag.substr(link + 6, 21), "data:text/csv;base64,");
+    }
     const std::size_t source = tag.find("src=\"");
     if (source == std::string::npos || tag.starts_with("<meta")) continue;
     EXPECT_EQ(tag.substr(source + 5, 23), "data:image/jpeg;base64,");

@@ -84,7 +84,7 @@ TEST(Wavefront, ZernikePolynomialsAreOrthonormalOverTheDisc) {
     for (int j = 0; j <= i; ++j) {
       double product = 0;
       for (const auto& at : samples) product += zernike(i, at) * zernike(j, at);
-      EXPECT_NEAR(product / samples.size(), i == j ? 1 : 0, 2e-3) << i << " " << j;
+      EXPECT_NEAR(product / static_cast<double>(samples.size()), i == j ? 1 : 0, 2e-3) << i << " " << j;
     }
   }
   EXPECT_NEAR(zernike(4, {1, 0}), std::sqrt(3.0), 1e-12);             // defocus, 2 rho^2 - 1
