@@ -294,7 +294,7 @@ void RotatingController::command(RotatingStep& step, double now, const Eigen::Ve
                      mode != ControlMode::off && settings_.law.mode == control::RotatingMode::helix;
   if (keeps) {
     const auto kept =
-        margin_kept(*clearance_, {*ahead_, sinking(), tuning_->loop.dead_time() + lag_}, given);
+        margin_kept(*clearance_, {*ahead_, sinking(), tuning_->loop.dead_time()}, given);
     step.kept_out = kept.has_value();
     given = kept.value_or(given);
   }

@@ -5,8 +5,7 @@ namespace vitreo {
 
 // The robot's own velocity is d + (1 + g) (u + s): u what it swims, s its sinking, both answered
 // with the filter's gain. As under the other laws that is projected (control::keep_out), and solved
-// for u. The rate is half of theirs: a robot that has to turn its axis first is later by as much
-// as the dead time.
+// for u. The rate is theirs, too: the lag of the axis is in the loop's dead time.
 std::optional<Eigen::Vector3d> margin_kept(const RobotClearance& clearance,
                                            const SwimmingBody& body, const Eigen::Vector3d& swum) {
   const control::PositionEstimate& ahead = body.ahead;
@@ -14,7 +13,7 @@ std::optional<Eigen::Vector3d> margin_kept(const RobotClearance& clearance,
   if (!near) return std::nullopt;
   control::KeepOut settings;
   settings.margin = clearance.margin();
-  settings.rate = 0.125 / body.dead_time;
+  settings.rate = 0.25 / body.dead_time;
   const double response = 1 + ahead.gain;
   const control::KeptOut kept =
       control::keep_out(settings, *near, ahead.disturbance + response * (swum + body.sinking));

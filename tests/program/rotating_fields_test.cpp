@@ -39,6 +39,14 @@ TEST(SwimFrequency, TheCurveIsLinearUpToAStepOutNearTheModels) {
   EXPECT_LT(results["curve_misfit_rms"], 60e-6);
 }
 
+// A machine that steps out below 9 Hz, while the law may steer at 14 and a spin is not slowed.
+TEST(SwimFrequency, ASwimmerThatSteppedOutWhileItSteeredIsBroughtBack) {
+  const Workplace place;
+  const auto results = of_run(place, "swim_frequency --seed 4");
+  EXPECT_LT(results["step_out"], 9);
+  EXPECT_GT(results["step_out"], 6);
+}
+
 TEST(Dock, TheAxisIsWithinThreeDegreesOnASampledMachine) {
   const Workplace place;
   const auto results = of_run(place, "dock feedback=pose_sensor --seed 1");

@@ -84,29 +84,6 @@ TEST(RotatingController, OnlyTellsWhereItIsNotToRecover) {
               std::min(above, bench.controller().state().limit), 1e-9);
 }
 
-// Steering has to come back from a step-out, whatever a spin is to do.
-TEST(RotatingController, SteersBelowAStepOutEvenWhereASpinIsNotSlowed) {
-  RotatingSettings law;
-  law.frequency = 30;
-  law.recover = false;
-  SwimBench bench(2, law, 1e-3);
-  bench.go(2);
-  const double above = 1.4 * bench.controller().state().believed_step_out;
-  bench.controller().spin(Eigen::Vector3d::UnitX(), above / 3);
-  bench.go(1);
-  bench.controller().steer();
-  bench.path() = {control::Trajectory::line({-4e-3, 0, 0}, {4e-3, 0, 0}, {4e-3, 20e-3}),
-                  bench.now()};
-  bench.go(4);
-  EXPECT_FALSE(bench.found.empty()) << "it was asked for more than it can follow";
-  EXPECT_LT(bench.controller().state().limit, bench.true_step_out(1e-3));
-  bench.controller().spin(Eigen::Vector3d::UnitX(), above);
-  bench.go(0.2);
-  EXPECT_NEAR(bench.controller().state().rotation.frequency,
-              std::min(above, bench.controller().state().limit), 1e-9);
-  EXPECT_GT(bench.controller().state().limit, bench.true_step_out(1e-3));
-}
-
 // A reference that is faster than the frequency lets the robot be waits for it.
 TEST(RotatingController, LetsTheReferenceWait) {
   RotatingSettings law;

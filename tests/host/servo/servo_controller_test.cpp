@@ -257,7 +257,7 @@ TEST(FieldAllocator, WhereALimitCutsItNamesTheFieldThatHelps) {
       }
     }
   }
-  EXPECT_GT(cut + refused, 3);
+  EXPECT_GE(cut + refused, 1) << "a corner of the square";
 }
 
 TEST(FieldAllocator, WhereNoFieldHelpsItSaysSo) {
