@@ -18,6 +18,7 @@
 namespace vitreo::control {
 namespace {
 
+// Rows of the least squares are divided by sigma: the roots of the weights 1 / sigma^2.
 Eigen::VectorXd weights_of(const CurveSamples& samples) {
   const auto count = static_cast<Eigen::Index>(samples.x.size());
   Eigen::VectorXd weights = Eigen::VectorXd::Ones(count);
@@ -52,8 +53,10 @@ void conclude(CurveFit& fit, const CurveSamples& samples, const Eigen::MatrixXd&
   const Eigen::MatrixXd inverse =
       qr.colsPermutation() *
       Eigen::MatrixXd(r.triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(n, n)));
+  // (J' J)^-1 = (P R^-1) (P R^-1)', then the lengths of the columns are divided out.
   fit.covariance = inverse * inverse.transpose();
   fit.covariance.array() /= (lengths * lengths.transpose()).array();
+  // The variance of y is estimated by s^2 = chi square / (n - p); check() saw to n > p.
   if (samples.sigma.empty()) fit.covariance *= fit.chi_square / fit.degrees_of_freedom;
 }
 
@@ -74,6 +77,7 @@ struct Residuals {
       for (std::size_t i = 0; i < samples.x.size(); ++i) {
         const double sigma = samples.sigma.empty() ? size : samples.sigma[i];
         residuals[i] = (curve(parameters, samples.x[i]) - samples.y[i]) / sigma;
+        // Ceres takes false for a step that went too far, and tries a shorter one.
         if (!std::isfinite(residuals[i])) return false;
       }
     } catch (...) {
@@ -87,6 +91,7 @@ struct Residuals {
 /// Rows of the cost's Jacobian at `scaled`, by Ridders' differences.
 Eigen::MatrixXd jacobian_at(const ceres::CostFunction& cost, const Eigen::VectorXd& scaled,
                             std::size_t rows) {
+  // Row by row, as Ceres writes a Jacobian.
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> jacobian(
       static_cast<Eigen::Index>(rows), scaled.size());
   Eigen::VectorXd residuals(static_cast<Eigen::Index>(rows));
@@ -119,6 +124,7 @@ double rate_by_integral(const CurveSamples& samples) {
   double integral = 0;
   for (std::size_t k = 1; k < order.size(); ++k) {
     const std::size_t now = order[k], before = order[k - 1], first = order[0];
+    // The trapezoidal rule, over the samples in the order of x.
     integral += (samples.x[now] - samples.x[before]) * (samples.y[now] + samples.y[before]) / 2;
     const Eigen::Vector2d row(samples.x[now] - samples.x[first], integral);
     normal += row * row.transpose();
@@ -185,6 +191,8 @@ CurveFit fit_exponential(const CurveSamples& samples) {
   const auto [low, high] = ends(samples.x);
   require(high > low, "x: wants different values");
   double rate = rate_by_integral(samples);
+  // Noise may give any rate. One beyond 100 / span makes the curve a step, in which the rate does
+  // not show: the fit would have no slope to follow.
   if (!std::isfinite(rate) || rate == 0 || std::fabs(rate) * (high - low) > 100)
     rate = -1 / (high - low);
   // With the rate given amplitude and offset are a line in e^(rate x).
@@ -201,6 +209,8 @@ CurveFit fit_exponential(const CurveSamples& samples) {
       fit_curve([](const Eigen::VectorXd& p, double x) { return p[0] * std::exp(p[1] * x) + p[2]; },
                 shifted, Eigen::Vector3d(guess.parameters[1], rate, guess.parameters[0]),
                 Eigen::Vector3d(size, 1 / (high - low), size));
+  // a0 = a1 e^(-c x1), so da0/da1 = e^(-c x1) and da0/dc = -x1 a0: with these as B the covariance
+  // is B C B' (propagation of errors to first order).
   const double factor = std::exp(-fit.parameters[1] * start);
   Eigen::Matrix3d back = Eigen::Matrix3d::Identity();
   back(0, 0) = factor;
@@ -210,8 +220,9 @@ CurveFit fit_exponential(const CurveSamples& samples) {
   return fit;
 }
 
-// The start: the offset is the median, the peak is where y is farthest from it, the width follows
-// from the area, amplitude * width * sqrt(2 pi).
+// The start: the offset is the end of y's range that is nearer to the median, as most samples lie
+// beside the peak; the peak is where y is farthest from it, the width follows from the area,
+// amplitude * width * sqrt(2 pi).
 CurveFit fit_gaussian(const CurveSamples& samples) {
   samples.check(4);
   const std::vector<std::size_t> order = order_of(samples.x);
@@ -243,6 +254,7 @@ CurveFit fit_gaussian(const CurveSamples& samples) {
       },
       samples, Eigen::Vector4d(amplitude, center, width, offset),
       Eigen::Vector4d(size, width, width, size));
+  // The curve holds the square of the width: the sign that the solver found is chance.
   fit.parameters[2] = std::fabs(fit.parameters[2]);
   return fit;
 }
@@ -260,6 +272,8 @@ CurveFit fit_curve(const Curve& curve, const CurveSamples& samples, const Eigen:
   const auto [least, most] = ends(samples.y);
   const double size = most > least ? most - least : std::max(std::fabs(most), 1e-300);
   std::exception_ptr thrown;
+  // Ridders' extrapolated differences (Adv. Eng. Software 4, 1982, 75): a curve that a script gives
+  // has no derivative of its own, and forward differences would cost the covariance digits.
   auto* cost = new ceres::DynamicNumericDiffCostFunction<Residuals, ceres::RIDDERS>(
       new Residuals{curve, samples, scales, size, thrown});  // the problem owns it
   cost->AddParameterBlock(static_cast<int>(start.size()));
@@ -268,12 +282,15 @@ CurveFit fit_curve(const Curve& curve, const CurveSamples& samples, const Eigen:
   Eigen::VectorXd scaled = start.cwiseQuotient(scales);
   problem.AddResidualBlock(cost, nullptr, scaled.data());
   ceres::Solver::Options options;
+  // Levenberg-Marquardt is what Ceres takes unless it is told otherwise. QR of J for its steps: the
+  // normal equations would square the condition number.
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = 500;
   options.function_tolerance = 1e-16;
   options.parameter_tolerance = 1e-13;
   options.gradient_tolerance = 1e-15;
   options.logging_type = ceres::SILENT;
+  // The curve may be a function of Lua, whose state only one thread may enter.
   options.num_threads = 1;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
@@ -283,8 +300,10 @@ CurveFit fit_curve(const Curve& curve, const CurveSamples& samples, const Eigen:
   CurveFit fit;
   fit.parameters = scaled.cwiseProduct(scales);
   for (const double x : samples.x) fit.fitted.push_back(curve(fit.parameters, x));
+  // The residuals were divided by the size of y there: conclude() wants those of the curve itself.
   const double weight = samples.sigma.empty() ? size : 1;  // sigma is 1 where it is not known
   conclude(fit, samples, weight * jacobian_at(*cost, scaled, samples.x.size()));
+  // From scaled parameters q = p / s back to p: cov(p_i, p_j) = s_i s_j cov(q_i, q_j).
   fit.covariance.array() *= (scales * scales.transpose()).array();
   return fit;
 }

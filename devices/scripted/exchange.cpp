@@ -128,12 +128,14 @@ std::string Exchange::until(const std::string& end, Time deadline) {
 /// Its first bytes say how many follow; a function of which they do not ends with a silence.
 std::string Exchange::rtu_answer(Time deadline) {
   constexpr Time kEnd = std::chrono::milliseconds(20);
+  // Unit, function and one byte more, which in the answer to a reading counts those that follow.
   std::string frame = take(3, deadline);
   const auto size = modbus::rtu_answer_size(bytes(frame));
   if (size && *size > frame.size()) frame += take(*size - frame.size(), deadline);
   if (!size)
     while (const auto byte = dialogue_.next(later(dialogue_.clock().now(), kEnd)))
       frame.push_back(static_cast<char>(*byte));
+  // Less than unit, function and a CRC of two bytes is no frame.
   if (frame.size() < 4 || !modbus::has_right_crc(bytes(frame)))
     dialogue_.fail(DeviceErrorKind::protocol,
                    "the checksum of its message is wrong: " + printable(frame));
@@ -160,7 +162,10 @@ std::string Exchange::modbus_answer(Time deadline) {
   unsure_ = true;
   std::string pdu = tcp ? tcp_answer(deadline) : rtu_answer(deadline);
   const auto function = static_cast<std::uint8_t>(pdu.empty() ? '\0' : pdu.front());
+  // An exception repeats the function with its highest bit set, and says why in one byte (MODBUS
+  // Application Protocol V1.1b3, section 7).
   if (pdu.size() == 2 && function == (static_cast<std::uint8_t>(function_) | modbus::kException)) {
+    // The answer has come, though it is a no: there is none that could still come late.
     unsure_ = false;
     dialogue_.fail(DeviceErrorKind::refused,
                    "it answers: " + modbus::exception_name(static_cast<std::uint8_t>(pdu[1])));
@@ -218,6 +223,7 @@ std::string Exchange::unframed(Time deadline) {
     case Framing::Kind::quiet:
       break;
   }
+  // A message without a length and an end is over when the line has been silent for `quiet`.
   std::string message = take(1, deadline);
   Clock& clock = dialogue_.clock();
   while (const auto byte = dialogue_.next(later(clock.now(), framing.quiet))) {
@@ -296,11 +302,13 @@ std::string Exchange::ask(std::string_view message, Time timeout,
                           const std::function<bool(const std::string&)>& wanted) {
   Clock& clock = dialogue_.clock();
   if (unsure_) settle();
+  // Where answers are told by a match, what has come already is no rubbish: it goes to `unasked`.
   if (!wanted) dialogue_.discard();
   unsure_ = true;
   send(message);
   asked_ = clock.now();
   const Time deadline = std::min({later(asked_, timeout), deadline_, until_});
+  // An instrument that reports without a pause would keep the question waiting for ever.
   for (int i = 0; i < kMostUnasked; ++i) {
     // The time of the first byte is that of the answer; how long the rest takes is the line's.
     owed_ = !dialogue_.await(deadline);
@@ -336,6 +344,7 @@ Identity Exchange::identify() {
     return identity;
   }
   std::string said = ask(std::get<std::string>(all.identity), all.link.timeout);
+  // Without a pattern the answer has to be that of *IDN? (IEEE 488.2).
   if (all.identity_match.empty()) {
     const auto who = scpi::identity(said);
     if (!who)
@@ -361,6 +370,8 @@ Identity Exchange::identify() {
 }
 
 Identity Exchange::begin() {
+  // A new opening forgives the file's fault. What an earlier program asked may still be answered:
+  // hence unsure_.
   fault_.clear();
   unsure_ = true;
   owed_ = false;
@@ -382,6 +393,7 @@ Identity Exchange::begin() {
 
 void Exchange::break_down(const ScriptFault& fault) {
   fault_ = printable(fault.what(), 400);
+  // Told beside the fault: that the instrument may still be energized must not be hidden by it.
   std::string unsafe;
   try {
     make_safe();
@@ -589,6 +601,7 @@ struct Exchange::Hearing {
 };
 
 bool Exchange::hears(Clock& clock) {
+  // The clock says what it was only when it is set: it is set, and set back.
   const bool deaf = clock.set_deaf(true);
   clock.set_deaf(deaf);
   return !deaf;
@@ -609,6 +622,7 @@ int Exchange::perform(std::string_view operation, lua_State* L) {
     const double duration = lua_type(L, 1) == LUA_TNUMBER ? lua_tonumber(L, 1) : -1;
     if (!(duration >= 0 && duration <= kLongestSleep))
       throw std::invalid_argument("duration: must be 0 to 60 s");
+    // A sleep ends with the time of its call, which is then refused as one without an end.
     const Time end = std::min(later(clock.now(), from_seconds(duration)), until_);
     const Hearing hearing(*this);
     clock.sleep_until(end);

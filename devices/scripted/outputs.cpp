@@ -26,6 +26,7 @@ class ScriptedCoils final : public CoilAmplifier {
     // What flows at opening is not known: it is made zero, so that currents_ holds from then on.
     make_safe();
   }
+  // A program that ends leaves no current behind that would go on heating the coils.
   ~ScriptedCoils() override {
     try {
       if (!connection_.dialogue().lost()) make_safe();
@@ -47,8 +48,10 @@ class ScriptedCoils final : public CoilAmplifier {
     std::vector<double> declared;
     for (const double current : currents) {
       if (!std::isfinite(current)) throw std::invalid_argument("currents: must be finite");
+      // Refused and not clipped: with one current cut the field would point elsewhere.
       if (std::abs(current) > current_limit())
         connection_.dialogue().fail(DeviceErrorKind::refused, "a current is beyond its limit");
+      // The file speaks the unit that it declares; everything on this side of it is in A.
       declared.push_back(unit().from_si(current));
     }
     // Everything is checked before the turn: a set-point is sent whole, or not at all.
@@ -105,6 +108,7 @@ class ScriptedCoils final : public CoilAmplifier {
 
 class ScriptedLamp final : public Lamp {
  public:
+  // How bright it is at opening is not known: it is made dark, so that level_ holds from then on.
   explicit ScriptedLamp(Opening opening)
       : connection_(std::move(opening.loaded), std::move(opening.link), opening.name,
                     opening.clock) {
@@ -123,12 +127,14 @@ class ScriptedLamp final : public Lamp {
   double level() const override { return level_; }
   LinkState link_state() const override { return connection_.link_state(); }
   void set_level(double level) override {
+    // A share of its full level; this form refuses NaN too.
     if (!(level >= 0 && level <= 1)) throw std::invalid_argument("level: must be 0 to 1");
     const Dialogue::Turn turn(connection_.dialogue());
     must_be_there(connection_);
     try {
       connection_.exchange().call(connection_.declaration().functions.at("set_level"), {level});
     } catch (const DeviceError&) {
+      // A file that failed has made the lamp safe by that: it is dark.
       if (!connection_.exchange().fault().empty()) level_ = 0;
       throw;
     }

@@ -36,6 +36,7 @@ std::string grid_svg(const Drawing& drawing) {
 
 std::string axes_svg(const Drawing& drawing) {
   const Box& box = drawing.box;
+  // Lines of one px between pixels would be gray and two wide: crisp() moves them into one.
   const double left = crisp(box.left);
   const double bottom = crisp(box.bottom());
   std::string svg = line_svg(left, box.top, left, bottom, kSpine) +
@@ -80,6 +81,7 @@ std::string legend_svg(const Drawing& drawing) {
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
     if (plot.series[i].label.empty()) continue;
     const PlotPoint place = drawing.legend_beside ? PlotPoint{0, kLegendLine * row++} : places[i];
+    // Up to the right edge of the drawing: fitted() shortens a name that is longer.
     const double room = drawing.width - x0 - place.x - kSwatch - 8;
     // The report's script switches a series by its name.
     svg += fmt::format("<g data-key=\"{}\">", i) +
@@ -100,6 +102,7 @@ std::vector<Bar> bars_of(const Drawing& drawing, const Series& series) {
     const double high = drawing.py(on_axis(drawing.plot.y, series.y[i] + series.spread[i]));
     // On a logarithmic axis a bar that reaches zero goes down to the foot.
     if (!drawable(low) && drawing.plot.y.logarithmic) low = drawing.box.bottom();
+    // In px, which grow downward: the low end of a bar is the greater number.
     if (drawable(x) && drawable(low) && drawable(high))
       bars.push_back({x, std::min(low, drawing.box.bottom()), std::max(high, drawing.box.top)});
   }
@@ -144,11 +147,14 @@ std::string expected_svg(const Drawing& drawing) {
   std::string svg;
   for (const Expected& one : drawing.plot.expected) {
     const double top = inside(one.high, box.top), foot = inside(one.low, box.bottom());
+    // Less than half a pixel is a value, not a band: its edge is drawn alone.
     if (foot - top > 0.5)
       svg += fmt::format(
           "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"{}\" "
           "fill-opacity=\"0.6\"/>",
           box.left, top, box.width, foot - top, kBand);
+    // An edge at the border of the box is open or out of sight: a line there would be a false
+    // bound.
     for (const double edge : {top, foot})
       if (edge > box.top && edge < box.bottom())
         svg += fmt::format(
@@ -168,7 +174,9 @@ std::string annotations_svg(const Drawing& drawing) {
   std::string svg;
   for (const Annotation& one : drawing.plot.annotations) {
     const double x = drawing.px(on_axis(drawing.plot.x, one.x));
+    // This form drops NaN too, as of a place at or below 0 on a logarithmic axis.
     if (!(x >= box.left - 0.5 && x <= box.right() + 0.5)) continue;
+    // In the last quarter words stand to the left of their place: else they would leave the box.
     const bool late = x > box.left + 0.75 * box.width;
     const TextStyle style{10.5, late ? "end" : "start", kSoftInk, ""};
     const double at = x + (late ? -4 : 4), y = drawing.py(on_axis(drawing.plot.y, one.y));
@@ -203,6 +211,7 @@ std::string to_svg(const Plot& plot, int width, int height) {
         crisp(drawing.box.left), crisp(drawing.box.top), std::floor(drawing.box.width),
         std::floor(drawing.box.height), kGrid);
   }
+  // Data come after grid and bands, and so on top of them.
   svg += axis_titles_svg(drawing) + data_svg(drawing);
   if (has_legend(plot)) svg += legend_svg(drawing);
   if (!plot.note.empty()) {

@@ -50,6 +50,7 @@ constexpr RecordColumn kColumns[] = {
     {"run", "parameter_units", kText, "",
      "JSON, name: unit as the protocol declares it, in which the value is shown (the value itself "
      "is in the SI unit of the same dimension); empty or missing: a plain number or a text"},
+    // A text, as SQLite's integers have a sign: 2^63 and above would not fit.
     {"run", "seed", kText, "", "seed of all that was drawn by chance, a whole number below 2^64"},
     {"run", "versions", kText, "", "JSON, name: version of the program and its libraries"},
     {"run", "rig", kText, "",
@@ -111,6 +112,7 @@ constexpr RecordColumn kColumns[] = {
     {"frame", "height_px", kInteger, "px", "rows"},
     {"frame", "pixel_type", kInteger, "", "0: 8 bit gray, 1: 16 bit gray, 2: 8 bit color"},
     {"frame", "crc32", kInteger, "", "CRC-32 of the image as the camera gave it"},
+    // Two causes of a gap, with two cures: a disk that is too slow, and a host or a line that is.
     {"frame", "dropped_before", kInteger, "1",
      "frames that the host had and did not record, as the disk was behind, since the row before"},
     {"frame", "lost_before", kInteger, "1",
@@ -169,6 +171,7 @@ constexpr RecordColumn kColumns[] = {
     {"link", "role", kText, "", "role of the instrument"},
     {"link", "address", kText, "", "where the instrument is"},
     {"link", "event", kText, "", "to or from the instrument, opened, cleared or failed"},
+    // Not a text: what passes on a line need not be UTF-8, and may hold zeros.
     {"link", "bytes", "BLOB", "", "the bytes; of failed the error's text"},
 };
 

@@ -43,6 +43,7 @@ long offset_of(const std::string& text, const std::string& whole) {
   if (std::sscanf(text.c_str(), "%c%2d:%2d%n", &sign, &hours, &minutes, &used) < 3 &&
       std::sscanf(text.c_str(), "%c%2d%2d%n", &sign, &hours, &minutes, &used) < 3)
     no_time(whole);
+  // No zone is farther from UTC than 14 h. The lower bounds are needed, as %2d takes a sign too.
   const bool fits = (sign == '+' || sign == '-') && hours >= 0 && hours <= 14 && minutes >= 0 &&
                     minutes < 60 && static_cast<std::size_t>(used) == text.size();
   if (!fits) no_time(whole);
@@ -60,15 +61,18 @@ std::string utc_second(const std::string& text) {
     no_time(text);
   auto at = static_cast<std::size_t>(used);
   int more = 0;
+  // Seconds may be left out: a time that a person wrote down is one to the minute.
   if (std::sscanf(text.c_str() + at, ":%2d%n", &parts.tm_sec, &more) == 1)
     at += static_cast<std::size_t>(more);
   const std::string rest = text.substr(at);
+  // std::tm counts years from 1900 and months from 0.
   parts.tm_year -= 1900;
   parts.tm_mon -= 1;
   // Whether summer time holds is the C library's to find out, by the host's time zone.
   parts.tm_isdst = -1;
   const std::tm given = parts;
   std::time_t seconds = 0;
+  // A time without an offset is that of the host's zone: a person read it off a clock there.
   if (rest.empty())
     seconds = mktime(&parts);
   else
@@ -112,6 +116,7 @@ void set_sample_field(nlohmann::json& sample, const std::string& field, const st
     throw std::invalid_argument(
         fmt::format("sample: has no '{}', only {}", field, fmt::join(fields, ", ")));
   check_value("sample " + field, value);
+  // The two times become UTC, so that the sample's age follows from records of any place.
   if (field != "died" && field != "removed") {
     sample[field] = value;
     return;
@@ -124,6 +129,7 @@ void set_sample_field(nlohmann::json& sample, const std::string& field, const st
 }
 
 std::pair<std::string, std::string> key_and_value(const std::string& word) {
+  // The first sign divides the word: the value may hold others.
   const std::size_t sign = word.find('=');
   if (sign == std::string::npos) throw std::invalid_argument("wants key=value, got '" + word + "'");
   return {word.substr(0, sign), word.substr(sign + 1)};

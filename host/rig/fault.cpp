@@ -41,6 +41,7 @@ bool is_among(const std::vector<std::string>& names, const std::string& name) {
 /// A role under a name of the rig's own is at the end of a wire.
 bool happens_to(const FaultKind& kind, const std::string& role) {
   if (is_among(kind.roles, role)) return true;
+  // The field probe stands for them: it is an instrument at a wire and nothing else.
   return role != "disk" && !is_among(role_names(), role) && is_among(kind.roles, "field_probe");
 }
 
@@ -188,6 +189,7 @@ const FaultKind& kind_of(const Fault& fault, const FaultKinds& kinds) {
   if (!roles.empty())
     throw std::invalid_argument(fmt::format("role: \"{}\" cannot happen to {}, only to {}{}",
                                             fault.kind, fault.role, fmt::join(roles, ", "), known));
+  // Among the kinds of the role, where it has any: a near word of another role would be refused.
   const std::string near = nearest(fault.kind, of_role.empty() ? names : of_role);
   throw std::invalid_argument("kind: there is no fault \"" + fault.kind + "\"" +
                               (!near.empty() ? "; did you mean \"" + near + "\"?"

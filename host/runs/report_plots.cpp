@@ -20,6 +20,7 @@ constexpr int kWholeWidth = 929;
 constexpr int kPlotHeight = 270;
 constexpr int kViewHeight = 400;
 
+// JSON has neither NaN nor infinity: null is what cannot be drawn, as an end that is open.
 nlohmann::json number_or_null(double value) {
   return drawable(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
 }
@@ -67,6 +68,8 @@ std::string plot_figure(const Plot& plot, int width, int height) {
   // are in the page once.
   const std::string csv = plot_csv(plot);
   const std::vector<unsigned char> bytes(csv.begin(), csv.end());
+  // A name that is no UTF-8 would throw here, and one plot cost the whole report: its bytes are
+  // replaced.
   const std::string reading =
       reading_of(drawing).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   return fmt::format(
@@ -105,6 +108,7 @@ std::string plot_csv(const Plot& plot) {
   };
   const auto name = [](const Axis& axis) {
     std::string text = axis_title(axis.label, axis.unit, 0);
+    // A comma or a line's end in a name would begin another cell or row.
     std::replace(text.begin(), text.end(), ',', ';');
     std::replace(text.begin(), text.end(), '\n', ' ');
     return text;

@@ -72,6 +72,7 @@ ControlStep RotatingDrive::step(double now,
   step.estimate = turn.estimate;
   step.correction = turn.correction;
   step.field = state().rotation.field;
+  // Of the channel that is nearest to its limit: 1 without current, 0 at the limit.
   step.headroom = 1 - step.currents.cwiseAbs().maxCoeff() / rig_.coils->current_limit();
   step.limited = turn.limited || rotor_.limited();
   step.outside = turn.outside;
@@ -80,6 +81,7 @@ ControlStep RotatingDrive::step(double now,
   return step;
 }
 
+// The rotor first: until it stops it turns the field by what the controller has told it.
 void RotatingDrive::stop() {
   rotor_.stop();
   controller_.reset();
@@ -104,6 +106,7 @@ void RotatingDrive::report(const RotatingStep& step) {
     recorder_.event(
         clock_.now(), "in step",
         fmt::format("the robot turns with the field again, below {:.2f} Hz", now.limit));
+  // Only where it begins: it lasts for many frames, and one event each would bury all others.
   if (now.unresponsive && !was_unresponsive_)
     recorder_.event(clock_.now(), "degraded",
                     "the robot moves less than it is driven at any frequency: it is held or "

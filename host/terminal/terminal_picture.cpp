@@ -70,7 +70,7 @@ cv::Mat in_color(const cv::Mat& image) {
   return color;
 }
 
-/// The PNG in parts of 4096 bytes of base64, as the protocol asks; `c` is its width in columns
+/// The PNG in parts of 4096 bytes of base64, as the protocol asks
 /// (https://sw.kovidgoyal.net/kitty/graphics-protocol/).
 std::string kitty_text(const cv::Mat& image, const Screen& screen) {
   constexpr std::size_t kPart = 4096;

@@ -45,7 +45,6 @@ class Canvas {
     cell.series = series;
   }
   // Steps along the longer side, so that no dot of the line is left out.
-  // As many steps as the longer of its two sides has dots: a line has no gap at any slope.
   void line(PlotPoint a, PlotPoint b, int series) {
     const double steps = std::max({1.0, std::fabs(b.x - a.x), std::fabs(b.y - a.y)});
     for (double i = 0; i <= steps; ++i)
@@ -58,7 +57,6 @@ class Canvas {
     // The color is ended after each sign: a line that is cut leaves the terminal as it was.
     for (int column = 0; column < columns_; ++column) {
       const Cell& cell = cells_[static_cast<std::size_t>(row * columns_ + column)];
-      // U+2800 to U+28FF are three bytes of UTF-8 each: 1110xxxx 10xxxxxx 10xxxxxx.
       const int code = 0x2800 + cell.dots;
       const std::string sign{static_cast<char>(0xE0 | (code >> 12)),
                              static_cast<char>(0x80 | ((code >> 6) & 0x3F)),
@@ -151,7 +149,6 @@ std::string plot_text(const Plot& plot, const Screen& screen) {
   const Drawing drawing = lay_out_plot(linear, wide * 9, rows * 18 + 80);
   if (drawing.empty) return "no data\n";
   // A tick each three rows, and each ten columns: room for the longest labels.
-  // A label in about three rows, and one in about ten columns: closer ones would crowd each other.
   const Ticks y_ticks = make_ticks(drawing.y, nice_step(drawing.y.span(), rows / 3.0));
   // As wide as the widest label: the axis is one straight line.
   std::size_t margin = 0;
@@ -167,8 +164,7 @@ std::string plot_text(const Plot& plot, const Screen& screen) {
   for (int row = 0; row < rows; ++row) {
     std::string label;
     for (std::size_t i = 0; i < y_ticks.at.size(); ++i) {
-      // A tick stands in the row that is nearest to its value: at most half a row, or two dots,
-      // off.
+      // A tick stands in the row that is nearest to its value, at most half a row or two dots off.
       const double at = (drawing.y.high - y_ticks.at[i]) / drawing.y.span() * (rows - 1);
       if (std::lround(at) == row) label = y_ticks.labels[i];
     }

@@ -90,9 +90,8 @@ int listed_result(const Call& call, const CurveFit& fit) {
   return 1;
 }
 
-// In the order of control/curve_fit.h's parameters.
-// In the order of the parameters in control/curve_fit.cpp: in another one a parameter's value would
-// stand under another's name.
+// In the order of control/curve_fit.h's parameters: in another one a parameter's value would stand
+// under another's name.
 const std::vector<std::string> kLine{"intercept", "slope"};
 const std::vector<std::string> kExponential{"amplitude", "rate", "offset"};
 const std::vector<std::string> kGaussian{"amplitude", "center", "width", "offset"};
@@ -132,7 +131,6 @@ double value_of(lua_State* L, int function, const Eigen::VectorXd& parameters, d
     lua_settop(L, top);
     throw std::runtime_error(message);
   }
-  // The stack is as it was before on each way out: the solver comes here many times in one call.
   const bool number = lua_type(L, -1) == LUA_TNUMBER;
   const double value = lua_tonumber(L, -1);
   const std::string kind = number ? "" : kind_of(L, -1);

@@ -97,6 +97,7 @@ int locate_in(Call& call) {
   const auto doubt = optics::position_doubt(chain.belief, {*position, axis, seen.ellipse.head<2>()},
                                             seen, optics::PositionFit::weighted, touched.head<2>());
   if (!doubt) return 0;
+  // The surface as it is believed now: the nominal one, and what calibration has moved it by there.
   const double retina = optics::nominal_retina(chain.belief.chain, touched.head<2>()) +
                         optics::retina_offset(chain.belief.chain, touched.head<2>());
   return chain_calls::push_position(call, *position, position->z() - retina, *doubt);
@@ -127,6 +128,8 @@ int calibrate_chain(Call& call) {
               entry.number("chi2", made.minima[i].chi2)
                   .numbers("theta", {theta.begin(), theta.end()});
             });
+        // Parameters of which less than a tenth of the variance was learned: they stand as believed
+        // before.
         lua_newtable(done.L);
         lua_Integer count = 0;
         for (const std::string& name : optics::unobserved(made.belief)) {

@@ -79,6 +79,7 @@ double wanted(const OptionTable& entry, const char* name, const std::string& whe
 /// Semi-axes and angle as localizer:ellipse has them.
 // The angle of a nearly round ellipse is noise: sigma / (a - b), with a - b not below a pixel.
 optics::OutlineSeen outline_at(const OptionTable& entry, const std::string& where) {
+  // px, of the center and of both semi-axes alike.
   const double sigma = entry.number("sigma").value_or(0.2);
   optics::OutlineSeen seen;
   seen.ellipse << wanted(entry, "u", where), wanted(entry, "v", where),
@@ -87,6 +88,7 @@ optics::OutlineSeen outline_at(const OptionTable& entry, const std::string& wher
   const double difference = std::max(seen.ellipse[2] - seen.ellipse[3], 1.0);
   seen.covariance = sigma * sigma * optics::EllipseCovariance::Identity();
   seen.covariance(4, 4) = sigma * sigma / (difference * difference);
+  // 0.035 rad are the two degrees within which a field holds a soft robot.
   seen.axis_sigma = entry.number("axis_sigma").value_or(0.035);
   seen.contour_sigma_px = std::max(0.0, entry.number("contour_sigma").value_or(0));
   if (!(sigma > 0) || !(seen.axis_sigma > 0))

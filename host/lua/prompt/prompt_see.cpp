@@ -18,8 +18,7 @@
 namespace vitreo::lua {
 namespace {
 
-// In the registry, which scripts do not see.
-// A key of Lua's registry, which scripts cannot reach: a global of theirs could hide the screen.
+// In the registry, which scripts do not see: a global of theirs could hide the screen.
 constexpr const char* kScreen = "vitreo.prompt.screen";
 
 struct PromptScreen {
@@ -29,7 +28,6 @@ struct PromptScreen {
 
 /// Throws std::runtime_error outside of a prompt, where the rows do not exist either: a script that
 /// was written for the prompt is told, not crashed.
-/// Only the prompt sets a screen: a run without one is told so, instead of drawing into nothing.
 PromptScreen screen_at(lua_State* L) {
   PromptScreen screen;
   if (lua_getfield(L, LUA_REGISTRYINDEX, kScreen) == LUA_TUSERDATA)
@@ -124,8 +122,9 @@ int draw_plot(Call& call) {
                                   std::to_string(x.size()));
     plot.series.push_back({"", x, std::move(y), Mark::line});
   }
-  if (call.has(2)) take_plot_options(call, plot);
-  // The same rule as take_plot_options() has where no mark is given.
+  // Without options the rule is the one that take_plot_options() has where no mark is given.
+  if (call.has(2))
+    take_plot_options(call, plot);
   else if (plot.series.size() > 1)
     plot.series[0].mark = Mark::points;
   *screen.out << plot_text(plot, size_of(screen)) << std::flush;
@@ -195,8 +194,7 @@ end)";
 
 // A userdata and no light one: it is the state's, and goes with it. The stream outlives the state.
 void set_prompt_screen(lua_State* L, std::ostream& out, bool interactive) {
-  // A pointer and a flag: Lua frees their bytes, and no destructor is needed. `out` has to outlive
-  // the state.
+  // A pointer and a flag: Lua frees their bytes, and no destructor is needed.
   auto* const screen = static_cast<PromptScreen*>(lua_newuserdatauv(L, sizeof(PromptScreen), 0));
   *screen = {&out, interactive};
   lua_setfield(L, LUA_REGISTRYINDEX, kScreen);

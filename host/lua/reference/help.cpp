@@ -20,6 +20,7 @@ namespace {
 
 /// "string.format" where `word` names a function of Lua's own.
 std::string lua_function_help(lua_State* L, const std::string& word) {
+  // What is pushed here help() takes off the stack again.
   lua_pushglobaltable(L);
   const std::size_t dot = word.find('.');
   if (dot != std::string::npos) {
@@ -27,6 +28,7 @@ std::string lua_function_help(lua_State* L, const std::string& word) {
     if (lua_rawget(L, -2) != LUA_TTABLE) return "";
   }
   lua_pushstring(L, word.substr(dot == std::string::npos ? 0 : dot + 1).c_str());
+  // The host's functions are in C++ too, but have rows of their own: Lua's manual has none.
   if (lua_rawget(L, -2) != LUA_TFUNCTION || !lua_iscfunction(L, -1) ||
       bound_function(L, lua_gettop(L)).row)
     return "";
@@ -40,6 +42,7 @@ std::string function_help(lua_State* L, int index) {
     return entry_help({bound.owner, bound.row});
   lua_Debug place = {};
   lua_pushvalue(L, index);
+  // '>' takes the function off the stack, S tells its place and u how many arguments it has.
   lua_getinfo(L, ">Su", &place);
   if (std::string(place.what) == "C") return "a function of Lua\n";
   return fmt::format("a function of {} argument(s), from {}:{}\n", int{place.nparams},
@@ -71,12 +74,14 @@ std::string words_help(lua_State* L, const std::string& word) {
     return "watch(object, {every, count})\n  at the prompt: shows what an object or a function "
            "tells, again and again, "
            "until Ctrl-C\n  for instance: watch(rig.stage, { every = 0.5 })\n";
+  // Only at the prompt can run be called; in a protocol it is the run's own object.
   if (word == "run" && context_of(L).remembers_results)
     return class_help(run_class()) +
            "at the prompt run(\"drift_test\", {hold = 5 * s}) runs a protocol, check(...) dries "
            "it\n";
   if (std::string text = lua_function_help(L, word); !text.empty()) return text;
   const Context& context = context_of(L);
+  // A path is no topic, though find_protocol() takes one.
   if (const std::string file = find_protocol(context, word);
       !file.empty() && word.find('/') == std::string::npos)
     return protocol_text(describe_protocol(*context.library, file, context.folders));
