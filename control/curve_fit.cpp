@@ -259,6 +259,10 @@ CurveFit fit_gaussian(const CurveSamples& samples) {
   return fit;
 }
 
+// Levenberg-Marquardt, which Ceres takes unless it is told otherwise; QR of J for its steps, since
+// the normal equations would square the condition number. J is by Ridders' extrapolated differences
+// (Adv. Eng. Software 4, 1982, 75): a curve that a script gives has no derivative of its own, and
+// forward differences would cost the covariance digits.
 CurveFit fit_curve(const Curve& curve, const CurveSamples& samples, const Eigen::VectorXd& start,
                    Eigen::VectorXd scales) {
   samples.check(static_cast<int>(start.size()));
@@ -272,8 +276,6 @@ CurveFit fit_curve(const Curve& curve, const CurveSamples& samples, const Eigen:
   const auto [least, most] = ends(samples.y);
   const double size = most > least ? most - least : std::max(std::fabs(most), 1e-300);
   std::exception_ptr thrown;
-  // Ridders' extrapolated differences (Adv. Eng. Software 4, 1982, 75): a curve that a script gives
-  // has no derivative of its own, and forward differences would cost the covariance digits.
   auto* cost = new ceres::DynamicNumericDiffCostFunction<Residuals, ceres::RIDDERS>(
       new Residuals{curve, samples, scales, size, thrown});  // the problem owns it
   cost->AddParameterBlock(static_cast<int>(start.size()));
@@ -282,8 +284,6 @@ CurveFit fit_curve(const Curve& curve, const CurveSamples& samples, const Eigen:
   Eigen::VectorXd scaled = start.cwiseQuotient(scales);
   problem.AddResidualBlock(cost, nullptr, scaled.data());
   ceres::Solver::Options options;
-  // Levenberg-Marquardt is what Ceres takes unless it is told otherwise. QR of J for its steps: the
-  // normal equations would square the condition number.
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = 500;
   options.function_tolerance = 1e-16;
