@@ -2,6 +2,7 @@
 #include "vision/registration_refine.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <array>
@@ -223,6 +224,7 @@ constexpr int kPartsPerSide = 6;
 constexpr double kFewestInPart = 150;   // pixels
 constexpr double kPartStructure = 0.3;  // standard deviations of the whole view
 constexpr double kPartAgrees = 0.4;     // correlation
+constexpr double kShown = 0.2;          // of a part's information in its best direction
 
 }  // namespace
 
@@ -246,16 +248,24 @@ PartAgreement agreement_of(const RegistrationView& first, const RegistrationView
   });
   PartAgreement result;
   double squares = 0;
+  int directions = 0;
   for (const Part& part : parts) {
     const PairMoments& m = part.moments;
     if (m.n < kFewestInPart || std::min(m.sigma_a(), m.sigma_b()) < kPartStructure) continue;
     ++result.parts;
     if (m.correlation() < kPartAgrees) continue;
     ++result.agreeing;
-    const Eigen::Vector2d off = part.information.ldlt().solve(part.right);
-    if (off.allFinite()) squares += off.squaredNorm() / 2;
+    // A part with one straight vessel does not say how far it is off along it: only directions that
+    // the part shows count (the aperture problem).
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> along(part.information);
+    for (int k = 0; k < 2; ++k) {
+      const double information = along.eigenvalues()[k];
+      if (information < kShown * along.eigenvalues()[1] || !(information > 0)) continue;
+      squares += std::pow(along.eigenvectors().col(k).dot(part.right) / information, 2);
+      ++directions;
+    }
   }
-  if (result.agreeing > 0) result.rms_px = std::sqrt(squares / result.agreeing);
+  if (directions > 0) result.rms_px = std::sqrt(squares / directions);
   return result;
 }
 

@@ -486,6 +486,7 @@ class EmulatedLink final : public ByteLink {
                         "its emulator failed: " + printable(emulator_->fault(), 400));
     return bytes;
   }
+  bool hung_up() const override { return link_->hung_up(); }
   void reopen() override { link_->reopen(); }
 
  private:

@@ -292,7 +292,7 @@ void Exchange::settle() {
 
 // While it is waited for, and after it was given up: it may come yet.
 Time Exchange::owed() const {
-  return owed_ || asked_ > answered_ ? dialogue_.clock().now() - asked_ : Time::zero();
+  return owed_ ? dialogue_.clock().now() - asked_ : Time::zero();
 }
 
 // Where the last answer did not come in time it may come now, and would be taken for that of this
@@ -311,6 +311,7 @@ std::string Exchange::ask(std::string_view message, Time timeout,
   // An instrument that reports without a pause would keep the question waiting for ever.
   for (int i = 0; i < kMostUnasked; ++i) {
     // The time of the first byte is that of the answer; how long the rest takes is the line's.
+    owed_ = true;  // for who looks meanwhile
     owed_ = !dialogue_.await(deadline);
     answered_ = clock.now();
     std::string answer = next_message(deadline);

@@ -141,8 +141,10 @@ class Follower {
  public:
   Follower(const cv::Mat& image, const cv::Mat& mask) {
     const std::vector<vision::LabeledImage> one{{image, mask}};
+    vision::ColorTrackerSettings settings;
+    settings.confirm_frames = 1;  // pictures are no sequence: no second one can agree
     tracker_ = std::make_unique<vision::ColorTracker>(vision::ObjectModel::train(one, {}, {}),
-                                                      vision::ColorTrackerSettings{});
+                                                      settings);
   }
   std::optional<vision::Ellipse> find(const cv::Mat& image) {
     tracker_->reset();  // pictures are no sequence

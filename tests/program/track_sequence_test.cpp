@@ -38,7 +38,9 @@ TEST(TrackSequence, TracksAFolderOfFramesAndJudgesItself) {
   const auto& results = result["results"];
   EXPECT_EQ(results["frames_judged"], 30);
   EXPECT_EQ(results["wrong"], 0);
-  EXPECT_LE(results["lost"], 3) << "found again within three frames";
+  // Three frames must agree before it is believed: two are lost at the begin, and two after it came
+  // back.
+  EXPECT_LE(results["lost"], 5) << "found again within three frames";
   EXPECT_LT(results["center_error_mean"], 0.5);
   EXPECT_LT(results["major_error_mean"], 2);
   EXPECT_LT(results["minor_error_mean"], 2);
@@ -49,8 +51,8 @@ TEST(TrackSequence, TracksAFolderOfFramesAndJudgesItself) {
   EXPECT_EQ(rows[0],
             (std::vector<std::string>{"frame", "state", "x_px", "y_px", "major_px", "minor_px",
                                       "angle_deg", "covariance", "microseconds"}));
-  EXPECT_EQ(rows[1][1], "tracking");
-  std::istringstream covariance(rows[1][7]);
+  EXPECT_EQ(rows[3][1], "tracking");
+  std::istringstream covariance(rows[3][7]);
   EXPECT_EQ(std::distance(std::istream_iterator<double>(covariance), {}), 25);
   for (std::size_t k = 13; k <= 20; ++k) {
     EXPECT_NE(rows[k][1], "tracking") << k;

@@ -152,8 +152,15 @@ TEST_F(Report, ShowsDrawingsBeforeThePlotsAsImagesThatCannotRun) {
   recorder.plot(
       {"Error", {"time", "s"}, {"error", "um"}, false, {{"a", {0, 1}, {0, 1}, Mark::line}}, ""});
   const std::string svg =
-      "<svg xmlns=\"http://www.w3.org/2000/svg\"><script>alert(1)</script></svg>";
+      "<svg xmlns=\"http://www.w3.org/2000/svg\"><circle "
+      "r=\"3\"><title>lens</title></circle></svg>";
   recorder.drawing("The \"lens\"", svg);
+  EXPECT_THROW(
+      recorder.drawing("a program",
+                       "<svg xmlns=\"http://www.w3.org/2000/svg\"><script>alert(1)</script>"
+                       "</svg>"),
+      std::invalid_argument)
+      << "the file in plots/ may be opened by itself, where it would run";
   EXPECT_THROW(recorder.drawing("no drawing", "<b>bold</b>"), std::invalid_argument);
   EXPECT_THROW(recorder.drawing("half a drawing", svg.substr(0, 50)), std::invalid_argument);
   recorder.finish({Outcome::completed, "", 1, 1});

@@ -1,4 +1,4 @@
-// Protocol that holds a current and a light: nothing is set again for a minute, so that only
+// Protocol that holds a current and a light, and says so: nothing is set again for a minute, so only
 // watches can notice anything.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -12,7 +12,7 @@ return { title = "A current and a light that are held", needs = {}, parameters =
     if rig.coils then
       local currents = {}
       for i = 1, #rig.coils:currents() do currents[i] = 1 end
-      rig.coils:set_currents(currents)
+      rig.coils:set_currents(currents, { hold = 100 })
     end
     run:wait(60)
   end }

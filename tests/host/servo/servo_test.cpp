@@ -102,7 +102,7 @@ TEST(Servo, AnAxisThatIsNotQuiteTheCommandedOneIsNotTakenForADepth) {
   // believed: each makes a depth of its own.
   RigDescription ellipsoid = whole_rig();
   ellipsoid.table["truth"] =
-      ConfigValue{ConfigTable{{"drawn_as", {"ellipsoid"}}, {"machine", {"coils"}}}};
+      ConfigValue{ConfigTable{{"drawn_as", {"ellipsoid"}}, {"machine", {"coils"}}, {"size_sigma", {0.0}}}};
   const auto depth_error = [&](double sigma) {
     TestBench bench(3, {}, ellipsoid);
     ServoSettings settings = with(ControlLaw::estimator, Feedback::one_camera);

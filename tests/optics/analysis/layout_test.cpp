@@ -52,9 +52,11 @@ TEST(Layout, OfEveryPrescriptionIsWellFormedAndFreeOfScriptsAndNonNumbers) {
     options.media = eye.media;
     const std::string svg = layout_svg(eye.system, field_fans(eye.system, angles, end), options);
     EXPECT_TRUE(well_formed(svg)) << name;
-    for (const char* bad : {"script", "nan", "inf", "href", "onload"}) {
+    for (const char* bad : {"script", "href", "onload"}) {
       EXPECT_EQ(svg.find(bad), std::string::npos) << name << " " << bad;
     }
+    // As words: Brennan is a name.
+    EXPECT_FALSE(std::regex_search(svg, std::regex("\\b(nan|inf)\\b"))) << name;
     // One line per surface and at least the axial fan.
     EXPECT_GE(count_of(svg, "<polyline"), static_cast<std::size_t>(eye.system.size() + 5)) << name;
     EXPECT_NE(svg.find(" mm</text>"), std::string::npos) << name;

@@ -44,9 +44,10 @@ TEST(Wavefront, APerfectLensHasNoneAndItsPointSpreadIsAirys) {
   const Wavefront wave = wave_of(perfect(1 * kMm), {0, 0, 0}, 30 * kMm, 12);
   EXPECT_LT(wave.rms(), 1e-15);
   EXPECT_NEAR(wave.strehl(), 1, 1e-12);
-  // sin u = r / f to third order: NA = n r / 30 mm.
+  // sin u = r / f to third order: NA = n r / 30 mm. The outermost of 12 rings lies half a ring
+  // inside the rim.
   const double na = 1.5 * 1.0 / 30;
-  EXPECT_NEAR(wave.numerical_aperture, na, 0.02 * na);
+  EXPECT_NEAR(wave.numerical_aperture, na, 0.03 * na);
   for (const double v : {0.5, 1.0, 2.0, 3.0, 5.0}) {
     const double off = v * wave.wavelength / (2 * std::numbers::pi * na);
     const double airy = std::pow(2 * std::cyl_bessel_j(1.0, v) / v, 2);
