@@ -149,8 +149,8 @@ function calibrations.field(rig, run, options)
       for k = 1, count do
         currents[k] = k == coil and (number % 2 == 0 and 1 or -1) * (options.current or 8 * A) or 0
       end
-      for _ = 1, 8 do -- until it stands; refreshed, or the dead-man takes it for abandoned
-        rig.coils:set_currents(currents)
+      for _ = 1, 8 do -- until it stands; and over the way to the next place, which the dead-man would take for abandoned
+        rig.coils:set_currents(currents, { hold = 120 * s })
         run:wait(0.05 * s)
       end
       local at = rig.stage:position()

@@ -439,7 +439,7 @@ TEST(Workbench, ATechnicianRunsServoSquareAtAnotherSpeedInSixClicks) {
   bench.start();
   const json seen = seen_by_browser(bench, "technician");
   EXPECT_LE(seen.value("clicks", 99), 6) << seen;
-  EXPECT_EQ(seen.value("reportTitle", "").find("Servo round a square") != std::string::npos, true)
+  EXPECT_EQ(seen.value("reportTitle", "").find("Path followed to") != std::string::npos, true)
       << seen;
   const json jobs = bench.get("/api/jobs").at("jobs");
   ASSERT_EQ(jobs.size(), 1U);

@@ -178,7 +178,11 @@ return function(protocol, parameters)
         if name and type(values[name]) == "number" then x[#x + 1], y[#y + 1] = i, values[name] end
       end
       if #x > 2 then
-        local axis = { name, seen.units[name] or "" }
+        local largest = 0
+        for _, value in ipairs(y) do largest = math.max(largest, math.abs(value)) end
+        local unit = seen.units[name] or ""
+        local shown = format_quantity(largest, unit):match("%s(%S+)$")
+        local axis = { name, shown or unit }
         plot(x, y, { title = stream, x = "row", y = axis, mark = "points" })
       end
     end

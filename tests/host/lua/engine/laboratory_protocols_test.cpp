@@ -35,8 +35,8 @@ const std::map<std::string, std::string> kMissing{
     {"swim_path", "pose_sensor needs that role, and this rig has none"},
     {"swim_frequency", "pose_sensor needs that role, and this rig has none"},
     {"select_colors", "pose_sensor needs that role, and this rig has none"}};
-const std::set<std::string> kSimulatedOnly{"gel_step", "push_discs", "track_in_eye",
-                                           "track_occluded"};
+const std::set<std::string> kSimulatedOnly{"drift_orientations", "gel_step", "push_discs",
+                                           "track_in_eye", "track_occluded"};
 
 std::vector<std::string> shipped_protocols() {
   std::vector<std::string> names;

@@ -143,7 +143,8 @@ TEST_F(Prompt, FollowShowsARowOfATableForEachOneThatIsRecorded) {
 
 TEST_F(Prompt, HelpFindsCallsByTopic) {
   expect_all(prompt("help('plot')\n"), {"plot(x, y, "});
-  expect_all(prompt("help('histogram')\nhelp('stabil')\n"), {"about ", ": "});
+  expect_all(prompt("help('covarian')\nhelp('drift')\n"),
+             {"about covarian:", "about drift:", "protocol drift_test"});
   expect_all(prompt("help('xyzzy')\n"), {"nothing is called xyzzy"});
 }
 
