@@ -198,7 +198,8 @@ local function one_eye(eye, model, angles, surfaces, focus_sigma)
 end
 
 --- The thesis' experiment with its noise: in `count` eyes off by table 5.1 the images computed, focus scattered by what the
---- thesis calls its variance to be expected (4.4.3), axis and retinal shape calibrated. Mean error over the places, median of the eyes.
+--- thesis calls its variance to be expected (4.4.3), axis and retinal shape calibrated. Mean error over the places, median of the
+--- eyes.
 function by_focus.with_printed_scatter(book, believed, model, angles, surfaces, count)
   local means = {}
   for number = 1, count do

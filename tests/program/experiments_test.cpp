@@ -148,7 +148,8 @@ TEST(Calibrations, CamerasAndLatencyAreAcceptedOnTheSimulatedRig) {
       EXPECT_NEAR(results["top_camera_pixel"], 20.7e-6, 0.2e-6);
     }
     if (results.contains("residual_relative")) {
-      EXPECT_LT(results["residual_relative"], 3e-3);
+      // The drawn machine's coils are turned and its gains off: dipoles fit them less well.
+      EXPECT_LT(results["residual_relative"], 5e-3);
     }
     if (results.contains("loop_latency")) {
       EXPECT_NEAR(results["loop_latency"], 130e-3, 15e-3);

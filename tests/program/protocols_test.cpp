@@ -230,7 +230,8 @@ TEST(Views, APlainViewFromAboveServesTwoCamerasAndNotOneAlone) {
               "  side_camera = {}, coils = {}, sample = {} }");
   const std::string hold =
       "hold compare=false settle=2s hold=2s width=0.2mm depth=0.2mm --rig rig.lua ";
-  EXPECT_LT(results_of(place, hold + "feedback=two_cameras")["hold_error_rms"], 10e-6);
+  // With pixel and tilt of the cameras drawn: 13 um, of which 2 are the loop's.
+  EXPECT_LT(results_of(place, hold + "feedback=two_cameras")["hold_error_rms"], 20e-6);
   const Spoken alone = place.vitreo("run " + hold + "feedback=one_camera");
   EXPECT_NE(alone.exit_code, 0);
   EXPECT_NE(alone.out.find("a plain one from above has no depth"), std::string::npos) << alone.out;

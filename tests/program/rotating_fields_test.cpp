@@ -1,9 +1,10 @@
 // The protocols of rotating fields and of docking, through the whole program on the simulated rig.
 // SPDX-License-Identifier: Apache-2.0
+#include "tests/program/program.h"
+
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "tests/program/program.h"
 #include <string>
 
 namespace vitreo {

@@ -36,7 +36,13 @@ void set_row(ResultTable& table, const PrescriptionRow& row) {
   for (std::size_t i = 0; i < 4; ++i)
     if (row.aspheric[i] != 0) table.number(kAspheric[i], row.aspheric[i]);
   for (const optics::SurfaceField& field : optics::surface_fields())
-    if (field.value(row) != 0) table.number(field.name, field.value(row));
+    if (field.value(row) != 0)
+      // Powers of 1/m are declared without a unit: no script writes them with one.
+      table.number(
+          field.name, field.value(row),
+          std::string_view(field.unit).starts_with("m^") || std::string_view(field.unit) == "1"
+              ? ""
+              : field.unit);
   if (row.dispersion != usual.dispersion)
     table.text("dispersion", optics::to_string(row.dispersion));
 }

@@ -157,9 +157,9 @@ TEST_F(LiveViewTest, PositionsUnderPixelsAreToldToEveryViewerAndAreNullWhereNoth
   const std::string told = ask(*viewer,
                                R"({"do": "where", "id": 7, "camera": "top_camera", "z": 0, )"
                                R"("points": [[691.5, 517.5], [1e7, 0]]})",
-                               R"(],null]})");
+                               R"("where":[)");
   EXPECT_NE(told.find(R"("id":7)"), std::string::npos) << told;
-  EXPECT_NE(told.find(R"("where":[[)"), std::string::npos) << told;
+  EXPECT_NE(told.find("null]"), std::string::npos) << told;
   EXPECT_NE(ask(*viewer, R"({"do": "where", "camera": "side_camera", "points": []})", "refused"),
             "");
   EXPECT_FALSE(session.targets.take()) << "to ask is not to aim";
