@@ -13,6 +13,8 @@ const std::vector<Meaning> kFiles{
     {"file", "DATA.md", "", "this description, made from run.sqlite"},
     {"file", "report.html", "", "report for people, self-contained; made from run.sqlite"},
     {"file", "summary.json", "", "outcome, parameters and results for programs, in SI units"},
+    {"file", "expectations.json", "",
+     "what the protocol judged: each number with what it was compared with, and the verdict"},
     {"file", "frames/", "",
      "a folder a recorded camera: NDTiff 3.3 (NDTiff.index and TIFF stacks), uncompressed; the "
      "table frame has the place of each image"},
