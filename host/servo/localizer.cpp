@@ -94,14 +94,16 @@ std::optional<Localizer::Found> Localizer::by_axis(const vision::EllipseMeasurem
 }
 
 /// px: by how much the outline's axes err for good. From the side the crossed plates are the
-/// ellipsoid; seen along their axis they are a cross, whose bars cos(phi) of the width make, phi
-/// the angle between the axis and the line of sight.
+/// ellipsoid; seen along their axis they are a cross. In between, phi the angle between the axis and
+/// the line of sight: the plate that faces the camera is L sin(phi) long, the ellipsoid
+/// sqrt(L^2 sin(phi)^2 + W^2 cos(phi)^2), so that they part by the square of the cosine.
 double Localizer::outline_error(const vision::Ellipse& seen, const Eigen::Vector3d& in_eye) const {
   if (model_.robot.shape != control::BodyShape::crossed_plates) return kOutlineError_px;
   // The chief rays meet in the view's point, on the eye's axis.
   const Eigen::Vector3d viewpoint(0, 0, model_.projection.viewpoint);
   const Eigen::Vector3d sight = (viewpoint - in_eye).normalized();
-  return std::hypot(kOutlineError_px, kPlates * seen.semi_minor_px * std::abs(axis_.dot(sight)));
+  const double along = axis_.dot(sight);
+  return std::hypot(kOutlineError_px, kPlates * seen.semi_minor_px * along * along);
 }
 
 /// Maximum a posteriori estimate of position and axis, with a Gaussian prior on the axis about the

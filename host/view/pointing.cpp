@@ -129,7 +129,7 @@ nlohmann::json Pointing::where(const nlohmann::json& message) const {
     try {
       const Eigen::Vector3d found = at_height(pixel, z);
       places.push_back({found.x(), found.y(), found.z()});
-    } catch (const std::exception&) {  // beyond the eye's edge, or of a view without a model
+    } catch (const std::invalid_argument&) {  // beyond the eye's edge
       places.push_back(nullptr);
     }
   }
