@@ -119,6 +119,8 @@ class FrameRecording::Tap final : public Camera {
     return frame;
   }
 
+  Time patience() const { return from_seconds(3 * camera_.info().frame_period); }
+
   /// True the first time that it is asked.
   bool wants_pump() { return !std::exchange(pumped_, true); }
 
@@ -151,22 +153,25 @@ class FrameRecording::Tap final : public Camera {
   /// Grabs frames while no caller does, for as long as the session lasts. Two that grab from one
   /// camera would take frames from each other, so it gives way for three frame periods.
   void pump() {
-    const Time patience = from_seconds(3 * camera_.info().frame_period);
     while (true) {
-      if (takers_ > 0 || (taken_ && clock_.now() - *taken_ < patience)) {
-        clock_.sleep_for(patience);
-        continue;
-      }
-      try {
-        const Frame frame = camera_.grab(later(patience, from_seconds(1)));
-        map_clock(frame);
-        record(frame);
-      } catch (const DeviceError& error) {
-        // One alarm until a frame comes again.
-        if (!std::exchange(silent_, true))
-          recorder_.alarm(clock_.now(), name_, AlarmPriority::medium, error.what());
-        clock_.sleep_for(patience);
-      }
+      if (takers_ > 0 || (taken_ && clock_.now() - *taken_ < patience()))
+        clock_.sleep_for(patience());
+      else
+        pump_once();
+    }
+  }
+
+  /// A frame that no caller wants, or the alarm that none comes.
+  void pump_once() {
+    try {
+      const Frame frame = camera_.grab(later(patience(), from_seconds(1)));
+      map_clock(frame);
+      record(frame);
+    } catch (const DeviceError& error) {
+      // One alarm until a frame comes again.
+      if (!std::exchange(silent_, true))
+        recorder_.alarm(clock_.now(), name_, AlarmPriority::medium, error.what());
+      clock_.sleep_for(patience());
     }
   }
 
@@ -353,9 +358,13 @@ void FrameRecording::start(const FramePolicy& policy) {
 }
 
 void FrameRecording::watch() {
+  // A camera's first picture may take long: a simulated one computes where each pixel looks, 0.2 s.
+  // Here no current flows yet; later, at the pace of the wall clock, the dead-man would feel it.
   for (const auto& tap : taps_)
-    if (tap->wants_pump())
+    if (tap->wants_pump()) {
+      tap->pump_once();
       pumps_.push_back(clock_.spawn("frames of " + tap->name(), [&tap = *tap] { tap.pump(); }));
+    }
 }
 
 }  // namespace vitreo

@@ -227,11 +227,10 @@ TEST(Views, APlainViewFromAboveServesTwoCamerasAndNotOneAlone) {
   place.write("rig.lua",
               "return { top_camera = { view = 'plain', effective_pixel = 14.3e-6, width_px = 900, "
               "height_px = 700 },\n"
-              "  side_camera = {}, coils = {}, sample = {} }");
+              "  side_camera = {}, coils = {}, sample = {}, truth = { machine = 'nominal' } }");
   const std::string hold =
       "hold compare=false settle=2s hold=2s width=0.2mm depth=0.2mm --rig rig.lua ";
-  // With pixel and tilt of the cameras drawn: 13 um, of which 2 are the loop's.
-  EXPECT_LT(results_of(place, hold + "feedback=two_cameras")["hold_error_rms"], 20e-6);
+  EXPECT_LT(results_of(place, hold + "feedback=two_cameras")["hold_error_rms"], 10e-6);
   const Spoken alone = place.vitreo("run " + hold + "feedback=one_camera");
   EXPECT_NE(alone.exit_code, 0);
   EXPECT_NE(alone.out.find("a plain one from above has no depth"), std::string::npos) << alone.out;

@@ -25,9 +25,6 @@ return {
   needs = { "coils", "sample" },
   run = function(rig, p, run)
     rig.sample:insert_robot(vector(0, 0, 0))
-    -- The first picture of a drawn machine takes 0.2 s to compute, which the dead-man would feel once the coils are on.
-    rig.top_camera:grab()
-    rig.side_camera:grab()
     local servo <close> = rig:servo { feedback = "pose_sensor" }
     servo:hold(vector(0.3 * mm, 0, 0))
     run:wait(4 * s)
