@@ -52,6 +52,9 @@ class Relay final : public RecordListener {
 /// One subscription: the channel, and the last picture that was sent of it.
 struct Subscription {
   std::size_t channel;
+  // ns: of what was sent at once. A scene is stamped with the present then, and rows of exposures
+  // before it are still to come: a player's time would go backwards.
+  std::uint64_t begin = 0;
   std::optional<std::uint64_t> picture{};
 };
 
@@ -191,7 +194,8 @@ void FoxgloveView::State::send_news() {
   channels->news(wanted, [this](std::size_t channel, const ChannelMessage& message) {
     for (const auto& [viewer, client] : clients)
       for (const auto& [number, one] : client.subscriptions)
-        if (one.channel == channel) server.send_data(viewer, message_data(number, message));
+        if (one.channel == channel && message.time >= one.begin)
+          server.send_data(viewer, message_data(number, message));
   });
 }
 
@@ -247,11 +251,14 @@ void FoxgloveView::State::subscribe(int viewer, const json& wanted) {
     throw std::invalid_argument("channel " + std::to_string(channel) + ": is not there");
   if (subscriptions.size() >= kMostSubscriptions)
     throw std::invalid_argument("more subscriptions than this server takes");
-  if (!subscriptions.try_emplace(number, Subscription{channel - 1}).second)
+  const auto [added, is_new] = subscriptions.try_emplace(number, Subscription{channel - 1});
+  if (!is_new)
     throw std::invalid_argument("subscription " + std::to_string(number) + ": is there already");
   // What stands still comes once, and a slow stream seldom: not to wait for the next row.
-  for (const ChannelMessage& message : channels->first(channel - 1))
+  for (const ChannelMessage& message : channels->first(channel - 1)) {
+    added->second.begin = std::max(added->second.begin, message.time);
     server.send_data(viewer, message_data(number, message));
+  }
 }
 
 void FoxgloveView::State::unsubscribe(int viewer, const json& number) {

@@ -117,7 +117,7 @@ async function answer(page) {
 const bar = (page) =>
   page.evaluate(() => {
     const high = (query) => document.querySelector(`#depth_bar ${query}`)?.getBoundingClientRect().height ?? 0;
-    return { level: document.querySelector('#depth_bar').dataset.level, body: high('.body'), spread: high('.spread'), near: high('.block') };
+    return { level: document.querySelector('#depth_bar').dataset.level, body: high('.body'), spread: high('.spread'), near: high('.block') + high('.doubt') }; // where the body surely is, and where it may be
   });
 
 /** Points at places for a protocol that waits for them, and says when it is enough. */
@@ -170,7 +170,8 @@ async function supervise(page) {
 }
 
 try {
-  const page = await browser.newPage({ viewport: { width: 1440, height: 960 } });
+  const context = await browser.newContext({ viewport: { width: 1440, height: 960 } }); // of several pages
+  const page = await context.newPage();
   page.on('pageerror', (error) => seen.errors.push(String(error)));
   page.on('console', (line) => line.type() === 'error' && seen.errors.push(line.text()));
   await page.goto(address);

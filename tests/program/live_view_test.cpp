@@ -113,7 +113,7 @@ TEST(LiveView, ShowsSteersAndStopsARun) {
   EXPECT_EQ(seen["rest"].get<std::string>().rfind("Coils set to 0 A", 0), 0U)
       << "and not the last set-points";
   EXPECT_EQ(seen["acting"], 0) << "dead buttons are off";
-  EXPECT_EQ(seen["report"], "Steering by hand");
+  EXPECT_EQ(seen["report"], "Steering by hand: stopped");
   for (const auto& shown : seen["coils"]) EXPECT_EQ(shown, "–");
   EXPECT_EQ(place.read("code"), "3\n") << place.read("out") << place.read("err");
   const std::string said = place.read("out") + place.read("err");

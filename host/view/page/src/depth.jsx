@@ -101,7 +101,7 @@ function Bars({ store, clearance, level, depth }) {
           <text x={right.x + right.w + 7} y={y(mark / 1e3, kLast) + 4}>{mark}</text></>)}
         {block !== null ? <>
           <rect class="block" x={right.x + 6} width={right.w - 12} y={top} height={Math.max(0, hatchTop - top)} fill="var(--body)" />
-          <rect x={right.x + 6} width={right.w - 12} y={hatchTop} height={Math.max(0, block - hatchTop)} fill="url(#hatch)" />
+          <rect class="doubt" x={right.x + 6} width={right.w - 12} y={hatchTop} height={Math.max(0, block - hatchTop)} fill="url(#hatch)" />
           <rect class="at-least" x={right.x + 1} width={right.w - 2} y={block - 2} height="4" fill="var(--text)" /></> : null}
         {far ? <path d={`M${right.x + right.w / 2} ${top + 8}l8 11h-16z`} fill="var(--text)" /> : null}
         {geometry ? <line x1={right.x} x2={right.x + right.w} y1={y(geometry.margin, kLast)} y2={y(geometry.margin, kLast)} stroke="var(--stop-edge)" stroke-dasharray="4 3" /> : null}

@@ -82,7 +82,9 @@ function Alarm({ store, alarms, question, toQuestion }) {
 function Question({ store, question }) {
   const [text, setText] = useState(''), field = useRef(null);
   const mine = store.status.control === 'mine', choices = question.choices ?? [];
-  const refused = store.note.startsWith('refused: ') && performance.now() - store.noted < kNote ? store.note.slice(9) : '';
+  // What was done or refused shows here too: a protocol may ask whether it is enough while places are pointed at.
+  const noted = performance.now() - store.noted < kNote ? store.note : '';
+  const refused = noted.startsWith('refused: ') ? noted.slice(9) : '';
   useEffect(() => { setText(''); field.current?.focus(); }, [question.number, mine]);
   const answer = (value) => {
     store.say('');
@@ -93,7 +95,7 @@ function Question({ store, question }) {
     <section class="message question" role="status" aria-live="polite" id="question">
       <span class="mark">?</span>
       <p class="words"><b>{question.text}</b>
-        <small>{refused ? <b id="note">Refused: {refused}</b> : mine ? 'The run waits for the answer.' : 'Take control to answer.'}</small></p>
+        <small>{refused ? <b id="note">Refused: {refused}</b> : noted ? <span id="note">{noted}</span> : mine ? 'The run waits for the answer.' : 'Take control to answer.'}</small></p>
       <div class="acts sheet">
         {few ? choices.map((word) => <button class="primary" disabled={!mine} onClick={() => answer(word)}>{word}</button>) : null}
         {choices.length > kFewChoices
