@@ -94,8 +94,8 @@ std::optional<Localizer::Found> Localizer::by_axis(const vision::EllipseMeasurem
 }
 
 /// px: by how much the outline's axes err for good. From the side the crossed plates are the
-/// ellipsoid; seen along their axis they are a cross. In between, phi the angle between the axis and
-/// the line of sight: the plate that faces the camera is L sin(phi) long, the ellipsoid
+/// ellipsoid; seen along their axis they are a cross. In between, phi the angle between the axis
+/// and the line of sight: the plate that faces the camera is L sin(phi) long, the ellipsoid
 /// sqrt(L^2 sin(phi)^2 + W^2 cos(phi)^2), so that they part by the square of the cosine.
 double Localizer::outline_error(const vision::Ellipse& seen, const Eigen::Vector3d& in_eye) const {
   if (model_.robot.shape != control::BodyShape::crossed_plates) return kOutlineError_px;
