@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <limits>
 #include <thread>
 
@@ -24,6 +25,8 @@ struct SoakWords : ProtocolOptions {
   std::uint64_t seed = kNone;  // only this one
   std::uint64_t run_seed = 1;
   int jobs = 0;  // 0: one a core
+  bool slurm = false;
+  int tasks = 16;
 };
 
 // Two kinds of seeds: the plan's draws the disturbances, the run's the simulated rig. The latter is
@@ -36,6 +39,10 @@ int soak_protocol(Program& program, SoakWords& wanted) {
   request.count = wanted.seed == kNone ? wanted.seeds : 1;
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   request.jobs = wanted.jobs > 0 ? wanted.jobs : cores;
+  if (wanted.slurm)
+    request.slurm =
+        SlurmRequest{std::filesystem::read_symlink("/proc/self/exe").string(), wanted.tasks, {}};
+  request.note = [](const std::string& text) { fmt::print(stderr, "{}\n", text); };
   // Flushed for each seed: a soak may run for hours, and is watched through a pipe or a log.
   const SoakResult result = soak(program.engine(), request, [&](const SoakedSeed& one) {
     fmt::print("{}", wanted.json ? dumped(to_json(one)) + "\n" : to_text(one));
@@ -64,6 +71,9 @@ void add_soak(CommandLine& line, Program& program) {
   command.option("--seed", wanted->seed, "only this one: it happens again as it did");
   command.option("--jobs", wanted->jobs, "processes at a time (default: one a core)")
       .between(1, 1000);
+  command.flag("--slurm", wanted->slurm, "groups of seeds are tasks of an array job of Slurm");
+  command.option("--tasks", wanted->tasks, "with --slurm: of the array, at most (default: 16)")
+      .between(1, 1'000'000);
   command.option("--run-seed", wanted->run_seed, "of the simulated rig (default: 1)");
   command.option("--rig", wanted->request.where.rig_file,
                  "a rig's file or name (default: the protocol's own, else simulated)");
@@ -71,7 +81,8 @@ void add_soak(CommandLine& line, Program& program) {
                  "folder in which the records of bad seeds stay (default: runs)");
   command.flag("--json", wanted->json,
                "a JSON object a seed, and one at the end: {\"seeds\", \"violations\", ...}");
-  command.examples({"vitreo soak hello_rig --seeds 20"});
+  command.examples({"vitreo soak hello_rig --seeds 20",
+                    "vitreo soak hold --seeds 10000 --slurm --tasks 64 --out runs"});
 }
 
 }  // namespace vitreo::cli

@@ -90,6 +90,8 @@ class RunSession {
         recording_(*stage.recorder, session_.control),
         faults_({*stage.clock, stage.rig->laboratory(), *stage.recorder, session_.control,
                  *stage.disk, stage.breakable}) {
+    // A stop that comes in between is felt by the script, which knows how to end.
+    const StopShield shield(*stage.clock);
     session_.real_time = stage.pace == Pace::real_time;
     session_.questions.prepare(request.what.answers);
     session_.desk.set_rights(stage.rights);
@@ -230,8 +232,6 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
 /// guardian goes on. Returns what failed last.
 std::vector<std::string> make_safe_in_time(RunStage& stage) {
   constexpr Time kPatience = std::chrono::milliseconds(500), kPause = std::chrono::milliseconds(50);
-  // Not even a stop cuts this short: what is energized goes to zero first.
-  const StopShield shield(*stage.clock);
   const Time until = stage.clock->now() + kPatience;
   std::vector<std::string> failures = stage.rig->make_safe();
   // Each instrument opens its link anew, where that is what it takes.
@@ -245,6 +245,8 @@ std::vector<std::string> make_safe_in_time(RunStage& stage) {
 /// Everything to its safe state, each device on its own; what failed is an event, and no run of
 /// that kind is completed. Returns the script's location at its end.
 std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
+  // Not even a stop cuts this short: what is energized goes to zero first.
+  const StopShield shield(*stage.clock);
   // From here on a fault of the disk is read here, not signalled to the script.
   const std::string fault = stage.recorder->fault();
   // A failed disk ends a run as a lost device would.
@@ -266,10 +268,7 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
                  {"device"}};
   }
   // Whatever was sent: the record says what is.
-  if (session.rig.coils != nullptr) {
-    const StopShield shield(*stage.clock);
-    record_rest(stage, session.rig.coils->read_rest());
-  }
+  if (session.rig.coils != nullptr) record_rest(stage, session.rig.coils->read_rest());
   return session.control.location();
 }
 

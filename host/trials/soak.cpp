@@ -338,7 +338,8 @@ PointPlan soak_groups(const SoakRequest& request) {
                   {"seed", run.how.seed},
                   {"patience", request.patience.count()}},
                  {}};
-  const auto jobs = static_cast<std::uint64_t>(std::max(request.jobs, 1));
+  const int beside = request.slurm ? request.slurm->tasks : request.jobs;
+  const auto jobs = static_cast<std::uint64_t>(std::max(beside, 1));
   const std::uint64_t group =
       jobs == 1 ? request.count : std::max(kLeastGroup, request.count / (4 * jobs));
   for (std::uint64_t done = 0; done < request.count; done += group) {
@@ -404,16 +405,19 @@ nlohmann::json run_soak_point(ScriptEngine& engine, const nlohmann::json& head,
   request.patience = std::chrono::seconds(head.at("patience").get<std::int64_t>());
   request.first = what.at("first").get<std::uint64_t>();
   request.count = what.at("count").get<std::uint64_t>();
+  // Both said and kept in the mark: what a task of Slurm says, only its log hears.
+  std::vector<std::string> lines;
   try {
     Soak soaking(engine, request);
     soaking.run_undisturbed();
-    soaking.run([&say](const SoakedSeed& one) {
-      say(to_json(one).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    soaking.run([&say, &lines](const SoakedSeed& one) {
+      lines.push_back(to_json(one).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+      say(lines.back());
     });
   } catch (const std::exception& error) {
     return {{"outcome", "refused"}, {"reason", error.what()}};
   }
-  return {{"outcome", "completed"}};
+  return {{"outcome", "completed"}, {"seeds", lines}};
 }
 
 // Real instruments are refused before anything else: faults are injected, and processes killed in
@@ -437,16 +441,22 @@ SoakResult soak(ScriptEngine& engine, const SoakRequest& request,
   std::string refusal;
   ExecuteOptions options;
   options.jobs = request.jobs;
+  options.slurm = request.slurm;
+  options.note = request.note;
   options.said = [&lines](std::size_t group, const std::string& line) { lines.said(group, line); };
   options.finished = [&](std::size_t group, const nlohmann::json& mark) {
     if (mark.at("outcome") != "completed") refusal = mark.value("reason", "");
+    if (request.slurm)
+      for (const std::string& line : mark.value("seeds", std::vector<std::string>()))
+        lines.said(group, line);
     lines.ended(group);
   };
   const PointBody body = [&](const PlannedPoint& planned, std::size_t, const SayLine& say) {
     return run_soak_point(engine, folder.head(), planned.what, say);
   };
   const RunnerEnd end = execute_points(folder, body, options);
-  fs::remove_all(folder.folder());
+  // Tasks of Slurm may still go on in it.
+  if (end == RunnerEnd::all_done || !request.slurm) fs::remove_all(folder.folder());
   if (!refusal.empty()) throw ConfigError(refusal);
   if (end != RunnerEnd::all_done) throw std::runtime_error("soak: stopped before its end");
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();

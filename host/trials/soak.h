@@ -6,11 +6,13 @@
 
 #include "host/engine/run_engine.h"
 #include "host/trials/soak_plan.h"
+#include "host/trials/sweep_slurm.h"
 
 #include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,8 +23,10 @@ struct SoakRequest {
   RunRequest run;
   std::uint64_t first = 1;
   std::uint64_t count = 100;
-  std::chrono::seconds patience{120};  // wall time for one seed; then it is stuck
-  int jobs = 1;                        // processes at a time
+  std::chrono::seconds patience{120};              // wall time for one seed; then it is stuck
+  int jobs = 1;                                    // processes at a time, without Slurm
+  std::optional<SlurmRequest> slurm{};             // an array job instead, its `tasks` at a time
+  std::function<void(const std::string&)> note{};  // what there is to say of the job
 };
 
 struct SoakResult {
@@ -36,9 +40,9 @@ nlohmann::json to_json(const SoakResult& result);
 
 /// Runs them in child processes, so that this one sees those die, or stand still: the seeds in
 /// groups, which are the points of a plan (host/trials/point_folder.h). `report` is called for
-/// each, in their order. Throws as run_protocol() does for what is wrong with the request;
-/// ConfigError for a rig with real instruments, and where the protocol does not complete when it is
-/// left alone.
+/// each, in their order; on Slurm once a group has ended. Throws as run_protocol() does for what is
+/// wrong with the request; ConfigError for a rig with real instruments, and where the protocol does
+/// not complete when it is left alone.
 SoakResult soak(ScriptEngine& engine, const SoakRequest& request,
                 const std::function<void(const SoakedSeed&)>& report);
 

@@ -260,12 +260,16 @@ bool has_network() {
   return true;
 }
 
-TEST(SweepSlurm, OnTwoNodesOfWhichOneIsKilledTheTableIsThatOfOneCoreByteForByte) {
+/// Why there can be no Slurm here; "" where there can.
+std::string no_slurm() {
   for (const char* program : {"munged", "slurmctld", "slurmd", "sbatch"})
     if (!is_installed(program))
-      GTEST_SKIP() << program << " is missing: make setup installs it (packages slurm-wlm, munge)";
-  if (!has_network())
-    GTEST_SKIP() << "this machine has no address but the loopback's, and Slurm wants another";
+      return std::string(program) + " is missing: make setup installs it (slurm-wlm, munge)";
+  return has_network() ? "" : "no address but the loopback's, and Slurm wants another";
+}
+
+TEST(SweepSlurm, OnTwoNodesOfWhichOneIsKilledTheTableIsThatOfOneCoreByteForByte) {
+  if (const std::string why = no_slurm(); !why.empty()) GTEST_SKIP() << why;
   const Workplace place;
   place.write("chance.lua", kChance);
   const std::string words = "sweep chance.lua speed=0.1..2mm/s:40 --repeat 4 --rig fast ";
@@ -300,6 +304,25 @@ TEST(SweepSlurm, OnTwoNodesOfWhichOneIsKilledTheTableIsThatOfOneCoreByteForByte)
     if (entry.is_regular_file())
       owners.insert(nlohmann::json::parse(std::ifstream(entry.path())).value("node", ""));
   EXPECT_EQ(owners, (std::set<std::string>{"eye1", "eye2"})) << "both nodes must have worked";
+}
+
+// The seeds of a soak go the same way as the points of a sweep.
+TEST(SweepSlurm, ASoakSaysThereWhatItSaysHere) {
+  if (const std::string why = no_slurm(); !why.empty()) GTEST_SKIP() << why;
+  const Workplace place;
+  const std::string soak = "soak hello_rig --seeds 40 --json ";
+  const Spoken alone = place.vitreo(soak + "--jobs 1 --out alone");
+  ASSERT_EQ(alone.exit_code, 0) << alone.out << alone.err;
+  TwoNodes nodes;
+  ASSERT_TRUE(nodes.up()) << nodes.logs();
+  const Spoken there = place.vitreo(soak + "--slurm --tasks 2 --out there");
+  EXPECT_EQ(there.exit_code, 0) << there.out << there.err << nodes.logs();
+  const auto seeds_of = [](const std::string& text) {
+    return text.substr(0, text.rfind("{\"bad_seeds\""));  // what follows has its own wall time
+  };
+  EXPECT_EQ(std::count(there.out.begin(), there.out.end(), '\n'), 41);
+  EXPECT_EQ(seeds_of(there.out), seeds_of(alone.out));
+  EXPECT_NE(there.err.find("Slurm job "), std::string::npos) << there.err;
 }
 
 }  // namespace

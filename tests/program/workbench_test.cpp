@@ -229,7 +229,7 @@ TEST(Workbench, ARunGoesOnWhenTheServerIsKilledAndIsFoundAgain) {
   const std::int64_t id = bench.add({{"protocol", "waits"}, {"real_time", true}}).at("id");
   const auto steered = [&] {
     const json running = bench.get("/api/run");
-    return running.is_object() && running.at("status").is_object();
+    return running.is_object() && running.at("status").is_object() && running.value("live", false);
   };
   ASSERT_TRUE(Bench::until(90, steered));
   const json before = bench.get("/api/run");

@@ -233,6 +233,34 @@ TEST(RunEngine, AFaceThatThrowsEndsTheRunWithItsReasonInTheRecordAndTheCoilsAtZe
   EXPECT_TRUE(broken.ended) << "it is let go of before the session dies";
 }
 
+// A stop may come while the faces begin, such as by the control socket, which is the first of them.
+TEST(RunEngine, AStopBeforeTheScriptsFirstLineIsAStopWithItsReason) {
+  struct Early : Face {
+    void begin(Session& session) override {
+      session.control.request(StopTier::stop, "by a person who was quick", {"operator"});
+      session.clock.sleep_for(std::chrono::milliseconds(10));
+    }
+    void end(const std::string& outcome) override { told = outcome; }
+    std::string told;
+  } early;
+  const TemporaryFolder folder;
+  SilentListener listener;
+  const auto engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+  RunRequest request;
+  request.what.protocol_file = VITREO_SOURCE_DIR "/protocols/hello_rig.lua";
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.where.out = (folder.path() / "runs").string();
+  request.how.faces = {&early};
+  const RunResult result =
+      run_protocol(*engine, request, listener, [](const Recorder& recorder, OpenRig&) {
+        ASSERT_NE(recorder.end(), nullptr);
+        EXPECT_EQ(recorder.end()->reason, "stopped by a person who was quick");
+      });
+  EXPECT_EQ(result.outcome, Outcome::stopped);
+  EXPECT_EQ(result.exit_code, ExitCode::stopped);
+  EXPECT_EQ(early.told, "stopped: stopped by a person who was quick");
+}
+
 TEST(RunEngine, AMotionBeyondTheTravelIsTheScriptsFailureAndSaysItInMillimeters) {
   const TemporaryFolder folder;
   SilentListener listener;
