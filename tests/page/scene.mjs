@@ -97,9 +97,24 @@ async function frames(browser) {
   });
 }
 
-/** Opens the page from the files in `folder`, in one state; `sent` collects what the page sent. */
+const kPatience = 30000; // ms: far more than a busy machine takes, so that what does not come by then is wrong and not late
+
+/** Waits until `holds()`; false where it does not within the patience. What a click causes passes through two programs. */
+export async function until(holds) {
+  for (const end = Date.now() + kPatience; !(await holds()); await new Promise((done) => setTimeout(done, 20)))
+    if (Date.now() > end) return false;
+  return true;
+}
+
+/** Waits until the page has drawn what it knows. */
+export const drawn = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+
+/** Opens the page from the files in `folder`, in one state; `sent` collects what the page sent. VITREO_SLOW_BROWSER=N: with a
+    processor that is N times slower, as on a machine that has other work. */
 export async function open(browser, folder, name, viewport, more = {}) {
   const state = states[name], page = await browser.newPage({ viewport, ...more }), sent = [];
+  if (process.env.VITREO_SLOW_BROWSER)
+    await (await page.context().newCDPSession(page)).send('Emulation.setCPUThrottlingRate', { rate: Number(process.env.VITREO_SLOW_BROWSER) });
   const pictures = (browser.pictures ??= await frames(browser));
   await page.route('http://vitreo.test/**', (route) => {
     const file = new URL(route.request().url()).pathname;
@@ -130,17 +145,15 @@ export async function open(browser, folder, name, viewport, more = {}) {
   });
   page.sent = sent;
   // Another state of the same run: what the program would send next. What the loop measured stays.
-  page.turn = async (next) => {
+  page.turn = (next) => {
     const to = states[next];
     for (const socket of sockets) {
       socket.send(JSON.stringify({ time: kEnd, status: { ...status, ...to.status }, rest: null }));
       if (to.end) socket.send(JSON.stringify(to.end));
     }
-    await page.waitForTimeout(120); // two of the page's frames
   };
   page.drop = () => { page.gone = true; sockets.forEach((socket) => socket.close()); };
   await page.goto('http://vitreo.test/');
-  if (!state.quiet) await page.waitForFunction(() => document.querySelector('#top_camera')?.dataset.frame === '900', null, { timeout: 20000 });
-  await page.waitForTimeout(150);
+  if (!state.quiet) await page.waitForFunction(() => document.querySelector('#top_camera')?.dataset.frame === '900', null, { timeout: kPatience });
   return page;
 }
