@@ -45,9 +45,10 @@ const near = (a, b) => a.every((value, i) => Math.abs(value - b[i]) <= kToleranc
 /** Elements whose words are cut, or that stick out of the window; buttons and words that another element covers. */
 const flaws = (page) => page.evaluate(() => {
   const found = [], seen = (element) => element.getClientRects().length > 0 && getComputedStyle(element).visibility !== 'hidden';
-  for (const element of document.querySelectorAll('header button, .state span, .message b, .message button, .word, .bound, .tiny, .jog button, .panel h2, .positions td, .coil span, #stop, .chip, .rested')) {
+  for (const element of document.querySelectorAll('header button, .state span, .message b, .message button, .word, .bound, .tiny, .jog button, .panel h2, .positions td, .coil span, #stop, .chip, .rested, .knob button, .knob b, .knob .value, .instruments h2 button')) {
     if (!seen(element)) continue;
-    const box = element.getBoundingClientRect(), name = `${element.className || element.id || element.tagName} "${element.textContent.slice(0, 30)}"`;
+    const box = element.getBoundingClientRect(), list = element.closest('.instruments ul')?.getBoundingClientRect(), name = `${element.className || element.id || element.tagName} "${element.textContent.slice(0, 30)}"`;
+    if (list && (box.top < list.top || box.bottom > list.bottom)) continue; // to be scrolled to
     if (box.left < -1 || box.top < -1 || box.right > innerWidth + 1 || box.bottom > innerHeight + 1) found.push(`${name} is out of the window`);
     if (element.scrollWidth > element.clientWidth + 2 && getComputedStyle(element).display !== 'inline') found.push(`${name} is cut`);
     if (getComputedStyle(element.parentElement).position === 'fixed') continue; // the phone's sheet
@@ -156,6 +157,42 @@ async function tools(browser) {
   await other.close();
 }
 
+/** The panel of the instruments at every size: whole, with room beside it for the picture; what its buttons send. */
+async function instruments(browser) {
+  for (const [width, height] of sizes) {
+    const size = `${width}x${height}`, page = await open(browser, files, 'running', { width, height });
+    await stands(page, 'running');
+    const before = await boxes(page);
+    if (width < 600) await page.click('.tabs button:last-child');
+    else await page.keyboard.press('i');
+    await page.waitForSelector('#instruments .knob');
+    await drawn(page);
+    for (const flaw of await flaws(page)) failed.push(`${size} instruments: ${flaw}`);
+    const after = await boxes(page), panel = await page.locator('#instruments').boundingBox();
+    for (const part of ['eye', 'stop', 'message']) expect(JSON.stringify(before[part]) === JSON.stringify(after[part]), `${size}: ${part} moves when the instruments are shown`);
+    const [x, y, w, h] = after.eye, cover = Math.max(0, Math.min(x + w, panel.x + panel.width) - Math.max(x, panel.x)) * Math.max(0, Math.min(y + h, panel.y + panel.height) - Math.max(y, panel.y));
+    expect(cover / (w * h) <= 0.47, `${size}: the instruments cover ${((100 * cover) / (w * h)).toFixed(0)} % of the eye`);
+    if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_instruments_${size}.png` });
+    await page.close();
+  }
+  const page = await open(browser, files, 'running', { width: 1366, height: 768 }), sent = () => page.sent.filter((message) => message.do === 'adjust' && 'to' in message);
+  await page.keyboard.press('i');
+  await soon(() => page.sent.some((message) => message.do === 'adjust' && !('to' in message)), 'the instruments are not read when they are shown');
+  await page.click(".knob[data-name='stage z'] .steps button:nth-child(4)");
+  await soon(async () => /→/.test(await text(page, ".knob[data-name='stage z'] .value")), 'where an instrument is sent to is not shown');
+  await page.click(".knob[data-name='stage z'] .steps button:nth-child(4)"); // quicker than the program answers: from where it is sent to
+  await soon(() => sent().length === 2 && Math.abs(sent()[1].to - 0.01232) < 1e-9 && sent()[1].instrument === 'stage z', 'two steps of 0.01 mm are not 0.02 mm');
+  await page.fill(".knob[data-name='lamp'] input", '55');
+  await page.press(".knob[data-name='lamp'] input", 'Enter');
+  await soon(() => Math.abs((sent().at(-1)?.to ?? 0) - 0.55) < 1e-9, 'a level that is typed is not sent');
+  await page.click(".knob[data-name='top_camera exposure'] .steps button:nth-child(5)");
+  await soon(() => Math.abs((sent().at(-1)?.to ?? 0) - 0.015) < 1e-9, 'an exposure is not raised by a quarter');
+  expect(/not homed/.test(await text(page, ".knob[data-name='lens_mover'] small")), 'a refusal does not stand at its instrument');
+  page.turn('watching');
+  await soon(async () => (await page.locator('.knob button:enabled').count()) === 0, 'who looks on can adjust instruments');
+  await page.close();
+}
+
 /** Contrast of two colors by WCAG 2. */
 function contrast(a, b) {
   const light = (color) => color.map((c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4)).reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
@@ -177,6 +214,10 @@ async function themes(browser) {
       expect(contrast(ink, colors[ground]) >= 4.5, `${theme}: words on ${ground} have ${contrast(ink, colors[ground]).toFixed(2)}`);
     expect(contrast(colors.edge, colors.panel) >= 3, `${theme}: edges have ${contrast(colors.edge, colors.panel).toFixed(2)}`);
     if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_${theme}.png` });
+    await page.keyboard.press('i');
+    await page.waitForSelector('#instruments .knob');
+    if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_instruments_${theme}.png` });
+    await page.keyboard.press('i');
     await page.click('#more'), await page.click('#theme');
   }
   await page.close();
@@ -188,6 +229,7 @@ try {
   shares = await atEverySize(browser);
   await everyState(browser);
   await tools(browser);
+  await instruments(browser);
   await themes(browser);
 } catch (error) {
   failed.push(String(error));

@@ -16,7 +16,14 @@ export const hello = {
               retina: { radius: 0.0115, z: -0.005 }, side_center: [327.5, 244.5], side_pixel: 20.4e-6, top_px_per_m: kPixels },
 };
 
+const instruments = [['stage x', 'm', -0.012, 0.012, 1e-6, 0], ['stage z', 'm', 0, 0.06, 1e-6, 0.0123], ['lens_mover', 'm', -0.005, 0.005, 1e-5, 0.0004], ['lamp', '%', 0, 1, 0.01, 0.4],
+  ['top_camera exposure', 's', 1e-6, 0.0667, 1e-5, 0.012], ['top_camera gain', 'dB', 0, 24, 0.1, 6]]
+  .map(([name, unit, min, max, step, value]) => ({ name, unit, min, max, step, value, busy: false, by: '', refused: '' }));
+instruments[1].by = 'operator at the live view';
+instruments[2].refused = 'lens mover: refused: it is not homed';
+
 const status = {
+  instruments,
   alarms: [], control: 'mine', doing: 'steering', note: '', phase: 'running', progress: 0.4, takes_targets: true, tier: 'none', viewers: 1,
   text: 'running, waiting for run:wait', waiting_for: 'run:wait', field: { direction: [1, 0, 0], tesla: 0.01 },
   target_px: [691.5 - 0.0024 * kPixels, 517.5 - 0.0007 * kPixels],
@@ -129,6 +136,8 @@ export async function open(browser, folder, name, viewport, more = {}) {
     socket.onMessage((text) => {
       const message = JSON.parse(text);
       sent.push(message);
+      if (message.do === 'adjust' && 'to' in message) // and does not get there
+        socket.send(JSON.stringify({ time: kEnd, rest: null, status: { ...status, ...state.status, instruments: instruments.map((knob) => ({ ...knob, busy: knob.name === message.instrument })) } }));
       if (message.do === 'where') // the made eye is flat
         socket.send(JSON.stringify({ where: message.points.map(([u, v]) => [(u - 691.5) / kPixels, (517.5 - v) / kPixels, message.z]), id: message.id }));
     });

@@ -193,7 +193,7 @@ TEST(LiveView, QuestionsAreAnsweredByButtonsAndARunPausesAndGoesOn) {
 TEST(LiveView, ThePageFitsSixSizesAndSaysWhatStandsInEveryState) {
   if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
   const Workplace place;
-  ASSERT_EQ(std::system(("timeout 400 node " VITREO_PAGE_TEST "/layout.mjs '" VITREO_PAGE_TEST
+  ASSERT_EQ(std::system(("timeout 280 node " VITREO_PAGE_TEST "/layout.mjs '" VITREO_PAGE_TEST
                          "/../../page/dist' - \"$(command -v chromium)\" >'" +
                          (place.folder() / "seen").string() + "' 2>'" +
                          (place.folder() / "seen.err").string() + "'")
