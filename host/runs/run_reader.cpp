@@ -7,11 +7,13 @@
 #include "host/files/sqlite.h"
 #include "host/record/record_json.h"
 #include "host/runs/open_record.h"
+#include "host/runs/run_outline.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cstdlib>
+#include <functional>
 #include <limits>
 #include <string_view>
 
@@ -277,6 +279,31 @@ fs::path newest(const std::vector<fs::path>& sorted) {
   return found;
 }
 
+// Whatever is wrong becomes a RecordError with the file's name.
+// Each query sees what is committed at its own moment: of a run that goes on, frames may be newer
+// than samples by a commit.
+RunData read_with(const fs::path& folder,
+                  const std::function<void(OpenRecord&, RunData&)>& read_rest) {
+  RunData data;
+  data.folder = folder;
+  try {
+    OpenRecord record(folder);
+    data.version = record.version();
+    read_start(record, data);
+    read_rest(record, data);
+    read_end(record, data);
+    read_results(record, data);
+  } catch (const RecordError&) {
+    throw;
+  } catch (const nlohmann::json::exception& error) {
+    throw RecordError((folder / "run.sqlite").string() +
+                      ": a text in it is broken: " + error.what());
+  } catch (const std::exception& error) {
+    throw RecordError(error.what());
+  }
+  return data;
+}
+
 }  // namespace
 
 // No record is opened: a list of thousands is quick, and has those that cannot be read too.
@@ -335,32 +362,17 @@ cv::Mat read_frame(const RunData& data, const FrameRow& row) {
   return read_ndtiff_image(data.folder, entry);
 }
 
-// Whatever is wrong becomes a RecordError with the file's name.
-// Each query sees what is committed at its own moment: of a run that goes on, frames may be newer
-// than samples by a commit.
 RunData read_run(const fs::path& folder) {
-  RunData data;
-  data.folder = folder;
-  try {
-    OpenRecord record(folder);
-    data.version = record.version();
-    read_start(record, data);
+  return read_with(folder, [](OpenRecord& record, RunData& data) {
     read_streams(record, data);
     read_cameras(record, data);
     read_frames(record, data);
-    read_end(record, data);
-    read_results(record, data);
     read_events(record, data);
     read_links(record, data);
-  } catch (const RecordError&) {
-    throw;
-  } catch (const nlohmann::json::exception& error) {
-    throw RecordError((folder / "run.sqlite").string() +
-                      ": a text in it is broken: " + error.what());
-  } catch (const std::exception& error) {
-    throw RecordError(error.what());
-  }
-  return data;
+  });
 }
+
+// The cameras are a row each, which the end's counts of frames belong to.
+RunData read_outline(const fs::path& folder) { return read_with(folder, read_cameras); }
 
 }  // namespace vitreo

@@ -5,6 +5,7 @@
 #include "host/files/posix_file.h"
 #include "host/runs/catalog.h"
 #include "host/runs/comparison.h"
+#include "host/runs/run_outline.h"
 #include "host/runs/run_reader.h"
 #include "host/text/columns.h"
 #include "host/text/units.h"
@@ -247,7 +248,8 @@ nlohmann::json Shelf::compare(const std::vector<std::string>& names) {
   if (names.size() < 2 || names.size() > kMostCompared)
     throw ConfigError(
         fmt::format("compare: wants 2 to {} runs; got {}", kMostCompared, names.size()));
-  for (const std::string& name : names) runs.push_back(read_run(run_folder(name)));
+  // Samples are wanted by the plots alone, which are a page of their own.
+  for (const std::string& name : names) runs.push_back(read_outline(run_folder(name)));
   const RunComparison made = compare_runs(runs);
   nlohmann::json heads = nlohmann::json::array();
   for (const RunData& run : runs)

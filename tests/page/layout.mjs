@@ -3,11 +3,13 @@
 // a folder for pictures ("-": none), the browser's program.
 // SPDX-License-Identifier: Apache-2.0
 import { chromium } from 'playwright-core';
-import { open, states } from './scene.mjs';
+import { drawn, open, states, until } from './scene.mjs';
 
 const [, , files, pictures, executablePath] = process.argv;
 const failed = [];
 const expect = (holds, sentence) => { if (!holds) failed.push(sentence); };
+/** Holds soon: what the browser does next, or sends, comes a little later than the click that caused it. */
+const soon = async (holds, sentence) => expect(await until(holds), sentence);
 const sizes = [[390, 844], [768, 1024], [1024, 768], [1366, 768], [1920, 1080], [2560, 1440]];
 
 // x, y, w, h in CSS px (docs/live_view.md, Layout); 2560x1440 is 1920x1080 times 4/3.
@@ -19,6 +21,12 @@ const kPlaces = {
   '1920x1080': { header: [8, 8, 1720, 60], message: [8, 76, 1720, 56], stop: [1736, 8, 176, 124], eye: [8, 140, 1244, 931], depth: [1260, 140, 208, 932], section: [1476, 140, 436, 335] },
 };
 kPlaces['2560x1440'] = Object.fromEntries(Object.entries(kPlaces['1920x1080']).map(([part, box]) => [part, box.map((v) => (v * 4) / 3)]));
+const kSays = {
+  idle: /Nothing runs yet/, question: /How long is this eye/, alarm: /!!!.*0\.31 mm from the retina/, medium: /!!.*Coil 3 is warm/, lost: /was not seen for/,
+  paused: /Paused.*Resume/, watching: /You watch.*Take control/, stopping: /Stopping.*STOP again: at once/, ended: /Coils 0 A, read back( 0\.18 s after STOP)?\./,
+  choices: /Is the eye fixed.*yes.*no/, margin: /Click a place to send the robot there/,
+  hot: /The coils are not at zero: 1\.20 A\. Switch them off by hand/, running: /Click a place to send the robot there/,
+};
 const kParts = { header: 'header', message: '.message', stop: '#stop, #rested', eye: '.eye', depth: '.depth', section: '.section' };
 const kTolerance = 2; // px
 
@@ -27,14 +35,20 @@ const boxes = (page) => page.evaluate((parts) => Object.fromEntries(Object.entri
   return [name, [x, y, width, height]];
 })), kParts);
 const text = (page, query) => page.evaluate((q) => document.querySelector(q)?.textContent ?? '', query);
+/** Waits until the message line says what belongs to the state, and all of the page is drawn. */
+async function stands(page, name) {
+  if (!(await until(async () => kSays[name].test(await text(page, '.message'))))) failed.push(`${name}: the message line says "${await text(page, '.message')}"`);
+  await drawn(page);
+}
 const near = (a, b) => a.every((value, i) => Math.abs(value - b[i]) <= kTolerance);
 
 /** Elements whose words are cut, or that stick out of the window; buttons and words that another element covers. */
 const flaws = (page) => page.evaluate(() => {
   const found = [], seen = (element) => element.getClientRects().length > 0 && getComputedStyle(element).visibility !== 'hidden';
-  for (const element of document.querySelectorAll('header button, .state span, .message b, .message button, .word, .bound, .tiny, .jog button, .panel h2, .positions td, .coil span, #stop, .chip, .rested')) {
+  for (const element of document.querySelectorAll('header button, .state span, .message b, .message button, .word, .bound, .tiny, .jog button, .panel h2, .positions td, .coil span, #stop, .chip, .rested, .knob button, .knob b, .knob .value, .instruments h2 button')) {
     if (!seen(element)) continue;
-    const box = element.getBoundingClientRect(), name = `${element.className || element.id || element.tagName} "${element.textContent.slice(0, 30)}"`;
+    const box = element.getBoundingClientRect(), list = element.closest('.instruments ul')?.getBoundingClientRect(), name = `${element.className || element.id || element.tagName} "${element.textContent.slice(0, 30)}"`;
+    if (list && (box.top < list.top || box.bottom > list.bottom)) continue; // to be scrolled to
     if (box.left < -1 || box.top < -1 || box.right > innerWidth + 1 || box.bottom > innerHeight + 1) found.push(`${name} is out of the window`);
     if (element.scrollWidth > element.clientWidth + 2 && getComputedStyle(element).display !== 'inline') found.push(`${name} is cut`);
     if (getComputedStyle(element.parentElement).position === 'fixed') continue; // the phone's sheet
@@ -57,7 +71,8 @@ async function atEverySize(browser) {
     const page = await open(browser, files, 'running', { width, height });
     page.on('pageerror', (error) => failed.push(`${size}: ${error}`));
     for (const name of ['running', 'question', 'choices', 'watching', 'alarm', 'ended']) {
-      await page.turn(name);
+      page.turn(name);
+      await stands(page, name);
       const found = await boxes(page);
       usual ??= found;
       for (const [part, box] of Object.entries(kPlaces[size]))
@@ -74,31 +89,26 @@ async function atEverySize(browser) {
   return shares;
 }
 
-const kSays = {
-  idle: /Nothing runs yet/, question: /How long is this eye/, alarm: /!!!.*0\.31 mm from the retina/, medium: /!!.*Coil 3 is warm/, lost: /was not seen for/,
-  paused: /Paused.*Resume/, watching: /You watch.*Take control/, stopping: /Stopping.*STOP again: at once/, ended: /Coils 0 A, read back 0\.18 s after STOP/,
-  hot: /The coils are not at zero: 1\.20 A\. Switch them off by hand/, running: /Click a place to send the robot there/,
-};
-
 async function everyState(browser) {
   for (const name of Object.keys(states)) {
     const page = await open(browser, files, name, { width: 1366, height: 768 });
-    const said = await text(page, '.message'), state = await text(page, '#state');
-    expect(!kSays[name] || kSays[name].test(said), `${name}: the message line says "${said}"`);
+    await stands(page, name);
+    const state = await text(page, '#state');
     expect(!/[a-z]:[a-z]/.test(state), `${name}: the state is in a script's words: "${state}"`);
-    if (name === 'running') expect((await page.locator('.log li').count()) <= 3, 'fifty jogs are fifty lines of log');
+    if (name === 'running') await soon(async () => [1, 2, 3].includes(await page.locator('.log li').count()), 'fifty jogs are fifty lines of log');
     if (name === 'margin') {
-      expect(await page.locator('.jog button').nth(1).isDisabled(), 'at the margin the robot can be sent down');
-      expect((await page.locator('#distance').getAttribute('data-level')) === 'margin', 'at the margin the level is another');
+      await soon(async () => (await page.locator('#distance').getAttribute('data-level')) === 'margin', 'at the margin the level is another');
+      await soon(() => page.locator('.jog button').nth(1).isDisabled(), 'at the margin the robot can be sent down');
     }
     if (name === 'alarm') {
       await page.click('#to-question');
-      expect(/How long/.test(await text(page, '.message')), 'the question behind an alarm cannot be reached');
+      await soon(async () => /How long/.test(await text(page, '.message')), 'the question behind an alarm cannot be reached');
     }
     if (name === 'ended') {
+      expect(/0\.18 s after STOP/.test(await text(page, '.message')), 'the end does not say how long after STOP the coils were read back');
       const acting = await page.locator('#stop, #take, #pause, .jog button, #abort, #seen').count();
       expect(acting === 0, `after the end ${acting} buttons act`);
-      expect((await page.locator('#report').getAttribute('href')) === '/report', 'after the end nothing leads to the report');
+      await soon(async () => (await page.locator('#report').getAttribute('href')) === '/report', 'after the end nothing leads to the report');
       expect((await page.locator('.coil .value').allTextContents()).every((value) => Math.abs(Number(value)) < 0.05), 'after the end currents are shown');
     }
     await page.close();
@@ -113,36 +123,74 @@ async function tools(browser) {
   await page.waitForSelector('#note');
   expect(/take control first/.test(await text(page, '#note')) && targets() === 0, 'a click without control says nothing');
   await page.click('.message button');
-  expect(page.sent.some((message) => message.do === 'take'), 'the refusal offers no way out');
+  await soon(() => page.sent.some((message) => message.do === 'take'), 'the refusal offers no way out');
   await page.close();
 
   const other = await open(browser, files, 'running', { width: 1366, height: 768 });
   const sentBy = (word) => other.sent.filter((message) => message.do === word);
   await other.mouse.click(...at(0.6, 0.4));
+  await soon(() => sentBy('target').length === 1, 'a click sends no target');
   const [first] = sentBy('target'), u = 0.6 * 1384 - 0.5, v = 0.4 * 1036 - 0.5;
   expect(first && Math.abs(first.points[0][0] - u) < 3 && Math.abs(first.points[0][1] - v) < 3 && first.points.length === 1, `a click is ${JSON.stringify(first)}`);
   await other.mouse.move(...at(0.5, 0.5)), await other.mouse.wheel(0, -300);
   await other.mouse.move(...at(0.7, 0.7)), await other.mouse.down(), await other.mouse.move(...at(0.8, 0.8), { steps: 8 }), await other.mouse.up();
+  await soon(() => sentBy('target').length === 2, 'a drag sends no path');
   const path = sentBy('target')[1];
   expect(path?.points.length > 4 && path.points[0][0] < 0.7 * 1384 - 20, `zoomed in, a drag is the path ${JSON.stringify(path?.points.slice(0, 2))}`);
   await other.waitForSelector('#cursor');
-  expect(/x −?\d+\.\d\d {2}y −?\d+\.\d\d mm {2}at z −1\.62/.test(await text(other, '#cursor')), `the cursor says "${await text(other, '#cursor')}"`);
+  await soon(async () => /x −?\d+\.\d\d {2}y −?\d+\.\d\d mm {2}at z −1\.62/.test(await text(other, '#cursor')), 'the cursor does not say x, y and z');
   await other.keyboard.press('0'), await other.keyboard.press('c');
   await other.waitForSelector('#light-panel rect');
   await other.click('#light-panel button');
-  expect((await other.evaluate(() => document.querySelector('.eye canvas').style.filter)) !== 'none', 'contrast changes nothing');
+  await soon(() => other.evaluate(() => document.querySelector('.eye canvas').style.filter !== 'none'), 'contrast changes nothing');
   await other.keyboard.press('c'), await other.keyboard.press('m');
   await other.mouse.move(...at(0.3, 0.3)), await other.mouse.down(), await other.mouse.move(...at(0.4, 0.3), { steps: 4 }), await other.mouse.up();
-  expect(sentBy('where').some(({ points }) => points.length === 2 && points[0][0] < 430), 'a ruler asks for no positions');
+  await soon(() => sentBy('where').some(({ points }) => points.length === 2 && points[0][0] < 430), 'a ruler asks for no positions');
   const [download] = await Promise.all([other.waitForEvent('download'), other.keyboard.press('s')]);
   expect(/steer.*\.png$/.test(download.suggestedFilename()), `a snapshot is ${download.suggestedFilename()}`);
   await other.keyboard.press('ArrowUp');
-  expect(Math.abs(sentBy('target').at(-1).place[2] + 1.52e-3) < 1e-9, `an arrow is ${JSON.stringify(sentBy('target').at(-1))}`);
+  await soon(() => Math.abs((sentBy('target').at(-1).place?.[2] ?? 0) + 1.52e-3) < 1e-9, 'an arrow does not raise the target by 0.1 mm');
   await other.focus('#more'), await other.keyboard.press('Space');
-  expect(sentBy('stop').length === 1, 'the space bar does not stop while a button has the focus');
+  await soon(() => sentBy('stop').length === 1, 'the space bar does not stop while a button has the focus');
   other.drop();
-  await other.waitForFunction(() => /STOP cannot be sent/.test(document.querySelector('.message').textContent), null, { timeout: 5000 });
+  await other.waitForFunction(() => /STOP cannot be sent/.test(document.querySelector('.message').textContent), null, { timeout: 60000 });
   await other.close();
+}
+
+/** The panel of the instruments at every size: whole, with room beside it for the picture; what its buttons send. */
+async function instruments(browser) {
+  for (const [width, height] of sizes) {
+    const size = `${width}x${height}`, page = await open(browser, files, 'running', { width, height });
+    await stands(page, 'running');
+    const before = await boxes(page);
+    if (width < 600) await page.click('.tabs button:last-child');
+    else await page.keyboard.press('i');
+    await page.waitForSelector('#instruments .knob');
+    await drawn(page);
+    for (const flaw of await flaws(page)) failed.push(`${size} instruments: ${flaw}`);
+    const after = await boxes(page), panel = await page.locator('#instruments').boundingBox();
+    for (const part of ['eye', 'stop', 'message']) expect(JSON.stringify(before[part]) === JSON.stringify(after[part]), `${size}: ${part} moves when the instruments are shown`);
+    const [x, y, w, h] = after.eye, cover = Math.max(0, Math.min(x + w, panel.x + panel.width) - Math.max(x, panel.x)) * Math.max(0, Math.min(y + h, panel.y + panel.height) - Math.max(y, panel.y));
+    expect(cover / (w * h) <= 0.47, `${size}: the instruments cover ${((100 * cover) / (w * h)).toFixed(0)} % of the eye`);
+    if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_instruments_${size}.png` });
+    await page.close();
+  }
+  const page = await open(browser, files, 'running', { width: 1366, height: 768 }), sent = () => page.sent.filter((message) => message.do === 'adjust' && 'to' in message);
+  await page.keyboard.press('i');
+  await soon(() => page.sent.some((message) => message.do === 'adjust' && !('to' in message)), 'the instruments are not read when they are shown');
+  await page.click(".knob[data-name='stage z'] .steps button:nth-child(4)");
+  await soon(async () => /→/.test(await text(page, ".knob[data-name='stage z'] .value")), 'where an instrument is sent to is not shown');
+  await page.click(".knob[data-name='stage z'] .steps button:nth-child(4)"); // quicker than the program answers: from where it is sent to
+  await soon(() => sent().length === 2 && Math.abs(sent()[1].to - 0.01232) < 1e-9 && sent()[1].instrument === 'stage z', 'two steps of 0.01 mm are not 0.02 mm');
+  await page.fill(".knob[data-name='lamp'] input", '55');
+  await page.press(".knob[data-name='lamp'] input", 'Enter');
+  await soon(() => Math.abs((sent().at(-1)?.to ?? 0) - 0.55) < 1e-9, 'a level that is typed is not sent');
+  await page.click(".knob[data-name='top_camera exposure'] .steps button:nth-child(5)");
+  await soon(() => Math.abs((sent().at(-1)?.to ?? 0) - 0.015) < 1e-9, 'an exposure is not raised by a quarter');
+  expect(/not homed/.test(await text(page, ".knob[data-name='lens_mover'] small")), 'a refusal does not stand at its instrument');
+  page.turn('watching');
+  await soon(async () => (await page.locator('.knob button:enabled').count()) === 0, 'who looks on can adjust instruments');
+  await page.close();
 }
 
 /** Contrast of two colors by WCAG 2. */
@@ -166,6 +214,10 @@ async function themes(browser) {
       expect(contrast(ink, colors[ground]) >= 4.5, `${theme}: words on ${ground} have ${contrast(ink, colors[ground]).toFixed(2)}`);
     expect(contrast(colors.edge, colors.panel) >= 3, `${theme}: edges have ${contrast(colors.edge, colors.panel).toFixed(2)}`);
     if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_${theme}.png` });
+    await page.keyboard.press('i');
+    await page.waitForSelector('#instruments .knob');
+    if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_instruments_${theme}.png` });
+    await page.keyboard.press('i');
     await page.click('#more'), await page.click('#theme');
   }
   await page.close();
@@ -177,6 +229,7 @@ try {
   shares = await atEverySize(browser);
   await everyState(browser);
   await tools(browser);
+  await instruments(browser);
   await themes(browser);
 } catch (error) {
   failed.push(String(error));

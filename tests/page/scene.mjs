@@ -16,7 +16,14 @@ export const hello = {
               retina: { radius: 0.0115, z: -0.005 }, side_center: [327.5, 244.5], side_pixel: 20.4e-6, top_px_per_m: kPixels },
 };
 
+const instruments = [['stage x', 'm', -0.012, 0.012, 1e-6, 0], ['stage z', 'm', 0, 0.06, 1e-6, 0.0123], ['lens_mover', 'm', -0.005, 0.005, 1e-5, 0.0004], ['lamp', '%', 0, 1, 0.01, 0.4],
+  ['top_camera exposure', 's', 1e-6, 0.0667, 1e-5, 0.012], ['top_camera gain', 'dB', 0, 24, 0.1, 6]]
+  .map(([name, unit, min, max, step, value]) => ({ name, unit, min, max, step, value, busy: false, by: '', refused: '' }));
+instruments[1].by = 'operator at the live view';
+instruments[2].refused = 'lens mover: refused: it is not homed';
+
 const status = {
+  instruments,
   alarms: [], control: 'mine', doing: 'steering', note: '', phase: 'running', progress: 0.4, takes_targets: true, tier: 'none', viewers: 1,
   text: 'running, waiting for run:wait', waiting_for: 'run:wait', field: { direction: [1, 0, 0], tesla: 0.01 },
   target_px: [691.5 - 0.0024 * kPixels, 517.5 - 0.0007 * kPixels],
@@ -97,9 +104,24 @@ async function frames(browser) {
   });
 }
 
-/** Opens the page from the files in `folder`, in one state; `sent` collects what the page sent. */
+const kPatience = 30000; // ms: far more than a busy machine takes, so that what does not come by then is wrong and not late
+
+/** Waits until `holds()`; false where it does not within the patience. What a click causes passes through two programs. */
+export async function until(holds) {
+  for (const end = Date.now() + kPatience; !(await holds()); await new Promise((done) => setTimeout(done, 20)))
+    if (Date.now() > end) return false;
+  return true;
+}
+
+/** Waits until the page has drawn what it knows. */
+export const drawn = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+
+/** Opens the page from the files in `folder`, in one state; `sent` collects what the page sent. VITREO_SLOW_BROWSER=N: with a
+    processor that is N times slower, as on a machine that has other work. */
 export async function open(browser, folder, name, viewport, more = {}) {
   const state = states[name], page = await browser.newPage({ viewport, ...more }), sent = [];
+  if (process.env.VITREO_SLOW_BROWSER)
+    await (await page.context().newCDPSession(page)).send('Emulation.setCPUThrottlingRate', { rate: Number(process.env.VITREO_SLOW_BROWSER) });
   const pictures = (browser.pictures ??= await frames(browser));
   await page.route('http://vitreo.test/**', (route) => {
     const file = new URL(route.request().url()).pathname;
@@ -114,6 +136,8 @@ export async function open(browser, folder, name, viewport, more = {}) {
     socket.onMessage((text) => {
       const message = JSON.parse(text);
       sent.push(message);
+      if (message.do === 'adjust' && 'to' in message) // and does not get there
+        socket.send(JSON.stringify({ time: kEnd, rest: null, status: { ...status, ...state.status, instruments: instruments.map((knob) => ({ ...knob, busy: knob.name === message.instrument })) } }));
       if (message.do === 'where') // the made eye is flat
         socket.send(JSON.stringify({ where: message.points.map(([u, v]) => [(u - 691.5) / kPixels, (517.5 - v) / kPixels, message.z]), id: message.id }));
     });
@@ -130,17 +154,15 @@ export async function open(browser, folder, name, viewport, more = {}) {
   });
   page.sent = sent;
   // Another state of the same run: what the program would send next. What the loop measured stays.
-  page.turn = async (next) => {
+  page.turn = (next) => {
     const to = states[next];
     for (const socket of sockets) {
       socket.send(JSON.stringify({ time: kEnd, status: { ...status, ...to.status }, rest: null }));
       if (to.end) socket.send(JSON.stringify(to.end));
     }
-    await page.waitForTimeout(120); // two of the page's frames
   };
   page.drop = () => { page.gone = true; sockets.forEach((socket) => socket.close()); };
   await page.goto('http://vitreo.test/');
-  if (!state.quiet) await page.waitForFunction(() => document.querySelector('#top_camera')?.dataset.frame === '900', null, { timeout: 20000 });
-  await page.waitForTimeout(150);
+  if (!state.quiet) await page.waitForFunction(() => document.querySelector('#top_camera')?.dataset.frame === '900', null, { timeout: kPatience });
   return page;
 }

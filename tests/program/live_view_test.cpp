@@ -193,11 +193,13 @@ TEST(LiveView, QuestionsAreAnsweredByButtonsAndARunPausesAndGoesOn) {
 TEST(LiveView, ThePageFitsSixSizesAndSaysWhatStandsInEveryState) {
   if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
   const Workplace place;
-  ASSERT_EQ(std::system(("timeout 400 node " VITREO_PAGE_TEST "/layout.mjs '" VITREO_PAGE_TEST
+  ASSERT_EQ(std::system(("timeout 280 node " VITREO_PAGE_TEST "/layout.mjs '" VITREO_PAGE_TEST
                          "/../../page/dist' - \"$(command -v chromium)\" >'" +
-                         (place.folder() / "seen").string() + "'")
+                         (place.folder() / "seen").string() + "' 2>'" +
+                         (place.folder() / "seen.err").string() + "'")
                             .c_str()),
-            0);
+            0)
+      << place.read("seen.err");
   const auto seen = nlohmann::json::parse(place.read("seen"), nullptr, false);
   ASSERT_TRUE(seen.is_object()) << place.read("seen");
   for (const auto& sentence : seen["failed"]) ADD_FAILURE() << sentence.get<std::string>();

@@ -9,7 +9,9 @@
 #include "host/files/run_folder.h"
 #include "host/files/sqlite.h"
 #include "host/record/recorder.h"
+#include "host/runs/comparison.h"
 #include "host/runs/report.h"
+#include "host/runs/run_outline.h"
 #include "host/runs/run_reader.h"
 #include "tests/host/record/run_fixture.h"
 
@@ -55,6 +57,16 @@ fs::path whole_run(const fs::path& parent) {
   recorder.module({"judge", "scripts/analysis/path_accuracy.lua", "return {}"});
   recorder.finish({Outcome::failed, "protocols/servo_square.lua:12: on purpose", 60.4, 8.3});
   return recorder.folder();
+}
+
+TEST(RunReader, AnOutlineComparesAsTheWholeRunDoesAndHasNoSamples) {
+  const TemporaryFolder folder;
+  const fs::path run = whole_run(folder.path());
+  const RunData whole = read_run(run), outline = read_outline(run);
+  EXPECT_FALSE(whole.streams.empty());
+  EXPECT_TRUE(outline.streams.empty() && outline.frames.empty() && outline.events.empty());
+  EXPECT_EQ(outline.dropped, whole.dropped);
+  EXPECT_EQ(comparison_text({outline, outline}), comparison_text({whole, whole}));
 }
 
 /// A run whose program was killed in the middle.

@@ -86,6 +86,25 @@ TEST_F(LiveViewTest, OfTwoOperatorsOneHasControlAndTheOtherIsTold) {
   EXPECT_NE(ask(*second, R"({"do": "take"})", R"({"done":"take"})"), "");
 }
 
+constexpr const char* kLens = R"({"do": "adjust", "instrument": "lens_mover", "to": 0.001})";
+
+TEST_F(LiveViewTest, InstrumentsAreAdjustedByTheOneWhoHasControlAlone) {
+  const auto first = join(), second = join();
+  EXPECT_NE(ask(*first, kLens, "take control first"), "");
+  EXPECT_NE(ask(*first, R"({"do": "take"})", R"({"done":"take"})"), "");
+  EXPECT_NE(ask(*second, kLens, "take control first"), "");
+  EXPECT_NE(ask(*first, kLens, "only in a run at the pace of the wall clock"), "");
+  view.end("completed");
+  session.real_time = true;
+  view.begin(session);
+  EXPECT_NE(ask(*first, kLens, "'lens_mover' is none of those that can be adjusted"), "")
+      << "this rig has none";
+  EXPECT_NE(ask(*first, R"({"do": "adjust", "instrument": 1, "to": 2})", "wants a text"), "");
+  EXPECT_NE(ask(*first, R"({"do": "adjust", "instrument": "lamp", "to": "up"})", "wants a number"),
+            "");
+  EXPECT_NE(ask(*first, R"({"do": "adjust"})", R"({"done":"adjust"})"), "");
+}
+
 // By the attitude and view of the loop that wrote the stream; before there is one, for any
 // attitude.
 TEST_F(LiveViewTest, ATargetWhoseBodyWouldBeInsideOfTheMarginIsRefusedInMillimeters) {

@@ -48,7 +48,7 @@ export function Head({ store, acts }) {
 
 const kKeys = [
   ['Space', 'STOP'], ['P', 'pause, resume'], ['T H M F', 'target, pan, measure, flag'], ['↑ ↓', '0.1 mm; Shift 0.01'], ['+ − 0', 'zoom'],
-  ['C', 'contrast'], ['S', 'snapshot'], ['Q', 'to the question'], ['A', 'alarm seen'], ['Z', 'zero of z here'], ['?', 'this list'],
+  ['C', 'contrast'], ['S', 'snapshot'], ['Q', 'to the question'], ['A', 'alarm seen'], ['I', 'instruments'], ['Z', 'zero of z here'], ['?', 'this list'],
 ];
 
 function Menu({ store, acts, live, mine, close }) {
@@ -58,6 +58,7 @@ function Menu({ store, acts, live, mine, close }) {
     <div class="menu" role="menu">
       {live && mine ? item('Release control', '', () => store.send({ do: 'release' }), { id: 'release' }) : null}
       {live && mine ? item('Invite another viewer', '', () => store.send({ do: 'invite' }), { id: 'invite' }) : null}
+      {item('Instruments', 'I', acts.instruments, { id: 'to-instruments' })}
       {item('Zero of z here', 'Z', acts.zero, { id: 'zero' })}
       {item('Light or dark', '', acts.theme, { id: 'theme' })}
       {item(acts.sound.on ? 'Sound off' : 'Sound on', '', acts.sound.toggle)}

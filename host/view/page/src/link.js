@@ -76,7 +76,7 @@ function take(store, message) {
   }
   if (message.target) store.say(`target ${message.target.map((v) => (Math.round(v * 1e5) / 100 + 0).toFixed(2)).join(', ')} mm`);
   if (message.invitation) store.say(message.invitation);
-  if (message.done) store.say('');
+  if (message.done && message.done !== 'adjust') store.say(''); // readings of instruments come by themselves
 }
 
 async function takeFrame(store, buffer) {

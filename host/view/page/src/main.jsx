@@ -5,6 +5,7 @@ import { Depth, clearanceOf, levelOf } from './depth.jsx';
 import { Eye } from './eye.jsx';
 import { Head, Stop } from './head.jsx';
 import { connect, createStore, newest } from './link.js';
+import { Instruments } from './instruments.jsx';
 import { Message } from './message.jsx';
 import { Coils, Log, Positions } from './panels.jsx';
 import { ClearancePlot, ErrorPlot } from './plots.jsx';
@@ -15,7 +16,7 @@ import './style.css';
 
 const store = createStore();
 connect(store);
-const kTabs = [['depth', 'Depth'], ['plots', 'Plots'], ['coils', 'Coils'], ['log', 'Log']];
+const kTabs = [['depth', 'Depth'], ['plots', 'Plots'], ['coils', 'Coils'], ['log', 'Log'], ['instruments', 'Tools']];
 
 const themeNow = () => document.documentElement.dataset.theme ?? 'dark';
 function setTheme(theme) {
@@ -33,7 +34,7 @@ function useNotice(alarms, question) {
 }
 
 function Page() {
-  const [, again] = useReducer((n) => n + 1, 0), [zero, setZero] = useState(0), [tab, setTab] = useState('depth'), hooks = useRef({});
+  const [, again] = useReducer((n) => n + 1, 0), [zero, setZero] = useState(0), [tab, setTab] = useState('depth'), [bench, setBench] = useState(false), hooks = useRef({});
   useEffect(() => {
     let due = false;
     const draw = () => {
@@ -59,6 +60,7 @@ function Page() {
   const acts = {
     zero: () => row?.z != null && setZero(row.z),
     theme: () => setTheme(themeNow() === 'dark' ? 'light' : 'dark'),
+    instruments: () => setBench(!bench),
     sound: { on: sound.on, toggle: () => (sound.toggle(), again()) },
   };
   const pause = () => store.send({ do: ['paused', 'suspended'].includes(store.status.phase) ? 'resume' : 'pause' });
@@ -66,8 +68,8 @@ function Page() {
   const keys = {
     t: () => hooks.current.setTool('aim'), h: () => hooks.current.setTool('pan'), m: () => hooks.current.setTool('measure'), f: () => hooks.current.setTool('mark'),
     '+': () => hooks.current.zoom(1.5), '-': () => hooks.current.zoom(1 / 1.5), 0: () => hooks.current.zoom(0), c: () => hooks.current.contrast(), s: () => hooks.current.snapshot(),
-    z: acts.zero, p: pause, a: seen, q: () => (document.querySelector('#to-question')?.click(), document.querySelector('#question input, #question button')?.focus()),
-    '?': () => document.querySelector('#more').click(), Escape: () => hooks.current.setTool('aim'),
+    z: acts.zero, i: acts.instruments, p: pause, a: seen, q: () => (document.querySelector('#to-question')?.click(), document.querySelector('#question input, #question button')?.focus()),
+    '?': () => document.querySelector('#more').click(), Escape: () => (setBench(false), hooks.current.setTool('aim')),
   };
   useEffect(() => {
     const press = (event) => {
@@ -94,7 +96,7 @@ function Page() {
   const level = levelOf(clearanceOf(store), store.hello?.geometry.margin ?? 0), stale = !store.connected && store.ended === null && store.hello;
   useNotice(openAlarms(store), store.status.question);
   return (
-    <main class={`${stale ? 'stale' : ''} ${store.ended !== null ? 'ended' : ''} ${level === 'margin' && store.ended === null ? 'margin' : ''}`} data-tab={tab}
+    <main class={`${stale ? 'stale' : ''} ${store.ended !== null ? 'ended' : ''} ${level === 'margin' && store.ended === null ? 'margin' : ''} ${bench ? 'bench' : ''}`} data-tab={tab}
       style={frame ? { '--aspect': frame.width / frame.height } : undefined}>
       <Head store={store} acts={acts} />
       <Message store={store} />
@@ -111,6 +113,7 @@ function Page() {
           <Log store={store} />
         </div>
       </div>
+      {bench || tab === 'instruments' ? <Instruments store={store} close={() => (setBench(false), setTab('depth'))} /> : null}
       <nav class="tabs" role="tablist">
         {kTabs.map(([name, title]) => <button role="tab" aria-selected={tab === name} onClick={() => setTab(name)}>{title}</button>)}
       </nav>
