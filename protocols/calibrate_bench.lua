@@ -47,11 +47,7 @@ end
 local function judged(rig, run, looks, calibrated, name)
   local all = {}
   for i, look in ipairs(looks) do
-    all[i] = {
-      ellipse = { u = look.u, v = look.v, semi_major = look.semi_major, semi_minor = look.semi_minor, angle = look.angle },
-      axis = look.axis,
-      place = real_place(rig, run, look),
-    }
+    all[i] = { look = look, place = real_place(rig, run, look) }
   end
   local found = chain.judge(calibrated, all)
   if #found.depth == 0 then error(name .. ": no place could be located", 0) end

@@ -83,17 +83,7 @@ return {
     }
     chain.report(run, made)
     local heights = statistics.map(looks, function(look)
-      local found = made.chain:locate {
-        ellipse = {
-          u = look.u,
-          v = look.v,
-          semi_major = look.semi_major,
-          semi_minor = look.semi_minor,
-          angle = look.angle,
-        },
-        axis = look.axis,
-        contour_sigma = chain.contour_sigma,
-      }
+      local found = chain.locate(made.chain, look)
       return found and found.height_sigma or 0 / 0
     end)
     run:result("height_sigma_median", statistics.median(heights), "m")

@@ -127,12 +127,21 @@ function chain.places(rig, count, reach, low, high)
   return places
 end
 
---- Judges a chain by new looks: {look, place} each, with the robot's place in the eye's frame by truth or side camera. Returns
+--- Where a chain puts the robot of a look, as viewing_chain:locate says it; nothing outside.
+function chain.locate(calibrated, look)
+  return calibrated:locate {
+    ellipse = { u = look.u, v = look.v, semi_major = look.semi_major, semi_minor = look.semi_minor, angle = look.angle },
+    axis = look.axis,
+    contour_sigma = chain.contour_sigma,
+  }
+end
+
+--- Judges a chain by new looks: {look =, place =} each, with the robot's place in the eye's frame by truth or side camera. Returns
 --- errors in depth and aside, and the part of depths within their 95 % interval.
 function chain.judge(calibrated, looks)
   local depth, aside, within, fits = {}, {}, 0, 0
   for _, one in ipairs(looks) do
-    local found = calibrated:locate { ellipse = one.ellipse, axis = one.axis, contour_sigma = chain.contour_sigma }
+    local found = chain.locate(calibrated, one.look)
     if found then
       local error = found.position - one.place
       depth[#depth + 1], aside[#aside + 1] = math.abs(error.z), math.abs(error.x)
