@@ -4,6 +4,7 @@
 #include "host/servo/believed_view.h"
 #include "optics/pose/pose.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include <algorithm>
@@ -39,15 +40,35 @@ vision::BlobTrackerSettings tracker_settings(const RigModel& model) {
 /// pixel.
 constexpr double kModelError_px = 0.1;
 
-/// By how much the tracked outline's axes err for good, being that of plates and not of an
-/// ellipsoid (docs/figures.md).
+/// By how much the tracked outline's axes err for good: at most 0.1 px for plates whose roll is
+/// known to 20 degrees (tests/host/servo/plates_view_test), and the tracker's own.
 constexpr double kOutlineError_px = 0.15;
 
-/// Of crossed plates' width, where they are seen along their axis: by how much their outline, which
-/// depends on a roll that nothing measures, differs from the ellipsoid's (docs/control.md).
-constexpr double kPlates = 0.3;
-
 constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any eye is long
+
+/// m, of each of two crossed elliptical plates with the robot's outline and volume; 0 where its
+/// volume fills the outline. Two elliptical cylinders of pi a b t share a bar of 2 a t^2 along the
+/// axis: the smaller root of V = 2 pi a b t - 2 a t^2.
+double plate_thickness(const control::Robot& robot) {
+  const double flat = 2 * M_PI * robot.semi_axis * robot.semi_radius;
+  const double root = flat * flat - 8 * robot.semi_axis * robot.solid_volume;
+  return root > 0 ? (flat - std::sqrt(root)) / (4 * robot.semi_axis) : 0;
+}
+
+/// The body whose outline the tracker sees.
+optics::ObjectModel body_of(const control::Robot& robot) {
+  const double thickness = plate_thickness(robot);
+  if (robot.shape == control::BodyShape::crossed_plates && thickness > 0)
+    return optics::crossed_plates(robot.semi_axis, robot.semi_radius, thickness / 2);
+  return optics::ellipsoid({robot.semi_radius, robot.semi_radius, robot.semi_axis});
+}
+
+/// A robot is put in with one of its plates level; along the line of sight, with one along y.
+Eigen::Vector3d level_side(const Eigen::Vector3d& axis) {
+  const Eigen::Vector3d other =
+      std::abs(axis.z()) < 0.99 ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
+  return other.cross(axis).normalized();
+}
 
 }  // namespace
 
@@ -57,6 +78,7 @@ Localizer::Localizer(const RigModel& model, vision::Background background,
                      const Eigen::Vector3d& axis, double axis_sigma, bool calibrated)
     : model_(model),
       axis_(axis),
+      side_(level_side(axis)),
       tracker_(std::move(background), tracker_settings(model)),
       pose_(pose_settings_of(model)) {
   if (!(axis_sigma >= 0 && axis_sigma < 1))
@@ -67,9 +89,33 @@ Localizer::Localizer(const RigModel& model, vision::Background background,
   tilted_->projection = model_.projection;
   tilted_->exact = model_.exact;
   tilted_->image = model_.top_image;
-  tilted_->object = optics::ellipsoid(
-      {model_.robot.semi_radius, model_.robot.semi_radius, model_.robot.semi_axis});
+  tilted_->object = body_of(model_.robot);
   tilted_->orientation_sigma = axis_sigma;
+}
+
+void Localizer::expect_axis(const Eigen::Vector3d& axis) {
+  const Eigen::Vector3d side =
+      Eigen::Quaterniond::FromTwoVectors(axis_, axis).toRotationMatrix() * side_;
+  axis_ = axis;
+  side_ = (side - side.dot(axis) * axis).normalized();
+}
+
+Eigen::Matrix3d Localizer::expected_attitude() const {
+  Eigen::Matrix3d attitude;
+  attitude << side_, axis_.cross(side_), axis_;
+  return attitude;
+}
+
+void Localizer::straighten(SideObservation& side) const {
+  if (!side.direction || !last_attitude_ || !tilted_ || !tilted_->object.crossed) return;
+  // Parallel rays along y, x to the right and z up.
+  const Eigen::Matrix3d& attitude = *last_attitude_;
+  const auto shown = optics::distant_ellipse(tilted_->object, attitude, Eigen::Vector3d::UnitX(),
+                                             Eigen::Vector3d::UnitZ(), model_.side_pixel);
+  constexpr double kRound_px = 2;  // difference of the axes, below which there is no direction
+  if (!shown || (*shown)[2] - (*shown)[3] < kRound_px) return side.direction.reset();
+  const double turned = (*shown)[4] - std::atan2(attitude(2, 2), attitude(0, 2));
+  side.direction = Eigen::Rotation2Dd(-turned) * *side.direction;
 }
 
 /// An observation with an ellipse and without a position is a robot that is seen and could not be
@@ -93,19 +139,6 @@ std::optional<Localizer::Found> Localizer::by_axis(const vision::EllipseMeasurem
   return Found{pose->position_in_eye, pose->covariance, pose->residual_px};
 }
 
-/// px: by how much the outline's axes err for good. From the side the crossed plates are the
-/// ellipsoid; seen along their axis they are a cross. In between, phi the angle between the axis
-/// and the line of sight: the plate that faces the camera is L sin(phi) long, the ellipsoid
-/// sqrt(L^2 sin(phi)^2 + W^2 cos(phi)^2), so that they part by the square of the cosine.
-double Localizer::outline_error(const vision::Ellipse& seen, const Eigen::Vector3d& in_eye) const {
-  if (model_.robot.shape != control::BodyShape::crossed_plates) return kOutlineError_px;
-  // The chief rays meet in the view's point, on the eye's axis.
-  const Eigen::Vector3d viewpoint(0, 0, model_.projection.viewpoint);
-  const Eigen::Vector3d sight = (viewpoint - in_eye).normalized();
-  const double along = axis_.dot(sight);
-  return std::hypot(kOutlineError_px, kPlates * seen.semi_minor_px * along * along);
-}
-
 /// Maximum a posteriori estimate of position and axis, with a Gaussian prior on the axis about the
 /// commanded one. An axis a degree or two off makes the robot look shorter or longer where it is
 /// seen askew, which by_axis takes for a depth; here the depth comes from the width, which no pitch
@@ -119,11 +152,11 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   // one way or the other from frame to frame where the robot is seen from straight above.
   optics::ObjectPoseSettings weighed = *tilted_;
   const double noise = std::sqrt(seen.covariance(2, 2));  // px, of the semi-major axis
-  const double error = outline_error(seen.ellipse, start_in_eye);
+  const double error = kOutlineError_px;
   weighed.orientation_sigma *= noise / std::hypot(noise, error);
   if (!(weighed.orientation_sigma > 0)) return std::nullopt;
   const auto found = optics::locate_object(weighed, seen.ellipse.vector(), seen.covariance,
-                                           {start_in_eye, optics::orientation_along(axis_)});
+                                           {start_in_eye, expected_attitude()});
   if (found.status != optics::PoseStatus::found && found.status != optics::PoseStatus::ambiguous)
     return std::nullopt;
   const optics::PoseCandidate& best = found.candidates.front();  // the smallest chi^2
@@ -134,10 +167,8 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   const double outline = error / seen.ellipse.semi_major_px;
   const double known = 1 / std::hypot(1 / outline, 1 / tilted_->orientation_sigma);
   const double sigma = std::sqrt((best.covariance(3, 3) + best.covariance(4, 4)) / 2);
-  // What plates leave of an ellipse is no reason to take the robot for something else.
-  const double unexplained = std::max(0.0, best.residual_px - (error - kOutlineError_px));
-  return Found{best.pose.position_in_eye, covariance, unexplained,
-               best.pose.orientation * Eigen::Vector3d::UnitZ(), std::hypot(sigma, known)};
+  return Found{best.pose.position_in_eye, covariance, best.residual_px, best.pose.orientation,
+               std::hypot(sigma, known)};
 }
 
 /// The view from straight above without an eye, a scaled orthographic projection: x and y, and of
@@ -170,9 +201,10 @@ Eigen::Matrix3d Localizer::systematic_of(const Found& found,
                                          const vision::EllipseMeasurement& seen) const {
   const double place = model_.uncertainty.eye;
   const Eigen::Matrix3d of_place = place * place * Eigen::Matrix3d::Identity();
+  const Eigen::Vector3d axis = found.attitude ? Eigen::Vector3d(found.attitude->col(2)) : axis_;
   const auto of_view =
-      doubt_->systematic(found.position_in_eye, found.axis.value_or(axis_), seen,
-                         found.axis.has_value(), tilted_ ? tilted_->orientation_sigma : 0);
+      doubt_->systematic(found.position_in_eye, axis, seen, found.attitude.has_value(),
+                         tilted_ ? tilted_->orientation_sigma : 0);
   if (!of_view) return kEye * kEye * Eigen::Matrix3d::Identity();
   return of_place + *of_view;
 }
@@ -200,7 +232,8 @@ void Localizer::localize(Observation& observation) {
   observation.covariance =
       found->covariance + error * error * Eigen::Matrix3d::Identity() + observation.systematic;
   observation.residual_px = found->residual_px;
-  observation.axis = found->axis;
+  last_attitude_ = found->attitude;
+  if (found->attitude) observation.axis = found->attitude->col(2);
   observation.axis_sigma = found->axis_sigma;
 }
 

@@ -45,32 +45,38 @@ class Localizer {
   /// Of a plain view the depth is unknown: 0, with a variance that says so. It wants a second
   /// camera.
   Observation look(const cv::Mat& image);
-  /// The axis that is expected from the next image on, unit, world.
-  void expect_axis(const Eigen::Vector3d& axis) { axis_ = axis; }
+  /// The axis that is expected from the next image on, unit, world. The body turns with it the
+  /// short way, as a robot does that nothing turns about its axis.
+  void expect_axis(const Eigen::Vector3d& axis);
+  /// Of crossed plates that are turned about their axis the side camera's outline points another
+  /// way than the axis does: by what, at the attitude of the last image, is taken off.
+  void straighten(SideObservation& side) const;
 
  private:
   struct Found {
     Eigen::Vector3d position_in_eye;
     Eigen::Matrix3d covariance;
     double residual_px;
-    std::optional<Eigen::Vector3d> axis{};
+    std::optional<Eigen::Matrix3d> attitude{};  // body to eye, its third axis the robot's
     double axis_sigma = 0;
   };
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
   Eigen::Matrix3d systematic_of(const Found& found, const vision::EllipseMeasurement& seen) const;
-  double outline_error(const vision::Ellipse& seen, const Eigen::Vector3d& in_eye) const;
+  Eigen::Matrix3d expected_attitude() const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
                                  const Eigen::Vector3d& start_in_eye) const;
 
   RigModel model_;
   Eigen::Vector3d axis_;
+  Eigen::Vector3d side_;  // unit, across axis_: one of the plates lies in the plane of both
   vision::BlobTracker tracker_;
   optics::PoseSettings pose_;
   std::optional<ViewDoubt> doubt_;                    // none of a plain view
   std::optional<optics::ObjectPoseSettings> tilted_;  // where the axis is to be estimated
   std::optional<Eigen::Vector3d> last_in_eye_;
+  std::optional<Eigen::Matrix3d> last_attitude_;
 };
 
 /// Two orthogonal cameras: the position that fits both best, each weighted by its covariance

@@ -136,8 +136,9 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_camera(Tim
   bool joined = false;
   if (feedback_ == Feedback::two_cameras && found.observation.position) {
     // Its frame may come a little later; without it this observation has one camera.
-    const auto view = side_->at(found.frame.exposed, clock_.now() + from_seconds(period() / 2));
+    auto view = side_->at(found.frame.exposed, clock_.now() + from_seconds(period() / 2));
     if (view) {
+      localizer_->straighten(*view);
       join_side(found.observation, *view);
       join_side_axis(found.observation, *view);
       found.observation.pair_skew = to_seconds(view->skew);

@@ -105,6 +105,44 @@ std::vector<Vector> general_outline(const ObjectModel& body, const Across& acros
   return points;
 }
 
+/// Where the line from the viewpoint v = far w along -w + s c touches the ellipsoid p.S p = 1, the
+/// largest such s and the point: tangency, (v.S d)^2 = (d.S d) (v.S v - 1), is
+///   s^2 (far^2 B^2 - K C) - 2 s B + A = 0,  A = w.S w, B = w.S c, C = c.S c, K = v.S v - 1.
+struct Tangent {
+  double slope;
+  Vector point;
+};
+Tangent tangent(const Vector& stretch, const Vector& c, const Vector& w, double far) {
+  const double A = w.dot(stretch.cwiseProduct(w));
+  const double B = w.dot(stretch.cwiseProduct(c));
+  const double C = c.dot(stretch.cwiseProduct(c));
+  const double K = far * far * A - 1;
+  const double q = K * C - far * far * B * B;
+  const double slope = (std::sqrt(B * B + q * A) - B) / q;
+  const Vector d = slope * c - w;
+  const Vector sd = stretch.cwiseProduct(d);
+  return {slope, far * w - d * (far * w.dot(sd) / d.dot(sd))};
+}
+
+/// Of two ellipsoids that cross, at each angle round the line of sight the one that reaches farther
+/// out. In the space in which the larger of a and b, and c, are 1.
+std::vector<Vector> crossed_outline(const ObjectModel& body, const Vector& unit,
+                                    const Across& across, const Vector& w, double far, int count) {
+  const auto stretch_of = [&unit](const ObjectModel& one) -> Vector {
+    return unit.cwiseQuotient(one.semi_axes).cwiseAbs2();
+  };
+  const Vector first = stretch_of(body);
+  const Vector second = stretch_of(body.other());
+  std::vector<Vector> points;
+  for (int i = 0; i < count; ++i) {
+    const Vector c = across.at(kTurn * i / count);
+    const Tangent one = tangent(first, c, w, far);
+    const Tangent two = tangent(second, c, w, far);
+    points.push_back(one.slope > two.slope ? one.point : two.point);
+  }
+  return points;
+}
+
 /// Center and shape of the ellipse with the polygon's area moments, by Green's theorem as sums over
 /// its edges. Of an ellipse with semi-axes a, b the second moments are a^2 / 4, b^2 / 4, hence the
 /// factor 2 at the root.
@@ -141,12 +179,18 @@ struct OnCircle {
   double length;
 };
 
+/// Cauchy's weight of a distance in px, as the tracker's first rounds have it.
+double counted(double off_px) {
+  constexpr double kScale_px = 1;
+  return 1 / (1 + off_px * off_px / (kScale_px * kScale_px));
+}
+
 /// One Gauss-Newton step for the least-squares ellipse; returns the step's size. Where the ellipse
 /// is the unit circle the rim's distance from it is fitted by 1, cos, sin, cos 2, sin 2 of the
 /// angle: the size, shift and stretch of an ellipse. Each point counts for the arc it stands for.
 /// Least squares of distances is what a tracker's fit does, so a model that fits its rim in the
 /// same way has no bias against it.
-double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
+double correct(const std::vector<Eigen::Vector2d>& rim, RimFit fit, Eigen::Vector2d& center,
                Eigen::Matrix2d& shape) {
   const Eigen::Matrix2d inverse = shape.inverse();
   std::vector<OnCircle> there;
@@ -156,12 +200,14 @@ double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
     there.push_back({std::atan2(q.y(), q.x()), q.norm()});
   }
   const std::size_t count = rim.size();
+  const double size = std::sqrt(std::abs(shape.determinant()));  // px
   Eigen::Matrix<double, 5, 5> matrix = Eigen::Matrix<double, 5, 5>::Zero();
   Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
   for (std::size_t i = 0; i < count; ++i) {
     const double after = there[(i + 1) % count].angle;
     const double before = there[(i + count - 1) % count].angle;
-    const double weight = std::abs(std::remainder(after - before, kTurn));
+    double weight = std::abs(std::remainder(after - before, kTurn));
+    if (fit == RimFit::robust) weight *= counted((there[i].length - 1) * size);
     const double angle = there[i].angle;
     Eigen::Matrix<double, 5, 1> by;
     by << std::cos(angle), std::sin(angle), 1, std::cos(2 * angle), std::sin(2 * angle);
@@ -185,16 +231,19 @@ double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
 /// would degenerate to a point.
 std::optional<std::vector<Vector>> outline(const ObjectModel& body, const Vector& viewpoint,
                                            int count) {
-  const Vector seen_from = viewpoint.cwiseQuotient(body.semi_axes);
+  Vector unit = body.semi_axes;
+  if (body.crossed) unit.head<2>().setConstant(body.semi_axes.head<2>().maxCoeff());
+  const Vector seen_from = viewpoint.cwiseQuotient(unit);
   const double far = seen_from.norm();
   const Vector w = seen_from / far;
   // of the distance at which the body's plane of support holds the viewpoint
   constexpr double kNearest = 1.05;
   if (!(far > kNearest * body.support(w).dot(w))) return std::nullopt;
   const Across across(w);
-  auto points = body.ellipsoid() ? ellipsoid_outline(across, w, far, count)
-                                 : general_outline(body, across, w, far, count);
-  for (Vector& point : points) point = point.cwiseProduct(body.semi_axes);
+  auto points = body.crossed       ? crossed_outline(body, unit, across, w, far, count)
+                : body.ellipsoid() ? ellipsoid_outline(across, w, far, count)
+                                   : general_outline(body, across, w, far, count);
+  for (Vector& point : points) point = point.cwiseProduct(unit);
   return points;
 }
 
@@ -222,14 +271,16 @@ Eigen::Matrix<double, 5, 1> center_axes_angle(const SmoothEllipse& e) {
 /// Start: the ellipse of the area's moments. The axes follow from shape * shape^T without an
 /// eigenvalue decomposition, which would not be smooth at a circle.
 /// Nothing for a rim without area. In pixels, as the rim.
-std::optional<SmoothEllipse> rim_ellipse(const std::vector<Eigen::Vector2d>& rim) {
-  constexpr int kSteps = 8;        // from the moments' ellipse; nearly an ellipse, a rim needs two
-  constexpr double kSmall = 1e-6;  // the next step is its square
+std::optional<SmoothEllipse> rim_ellipse(const std::vector<Eigen::Vector2d>& rim, RimFit fit) {
+  // From the moments' ellipse. Nearly an ellipse, a rim needs two steps, each the square of the one
+  // before; re-weighted ones shrink by a factor.
+  const int steps = fit == RimFit::robust ? 12 : 8;
+  const double small = fit == RimFit::robust ? 1e-5 : 1e-6;
   Eigen::Vector2d center;
   Eigen::Matrix2d shape;
   if (!moments(rim, center, shape)) return std::nullopt;
-  for (int i = 0; i < kSteps; ++i) {
-    if (correct(rim, center, shape) < kSmall) break;
+  for (int i = 0; i < steps; ++i) {
+    if (correct(rim, fit, center, shape) < small) break;
   }
   const double uu = shape.row(0).squaredNorm();
   const double vv = shape.row(1).squaredNorm();

@@ -64,19 +64,30 @@ void ObjectModel::check() const {
   };
   exponent("exponent_along", exponent_along);
   exponent("exponent_across", exponent_across);
+  detail::require(!crossed || ellipsoid(), "crossed: only ellipsoids can cross");
 }
 
-ObjectModel ellipsoid(const Eigen::Vector3d& semi_axes) { return {semi_axes, 1, 1}; }
+ObjectModel ObjectModel::other() const {
+  ObjectModel turned = *this;
+  turned.semi_axes = {semi_axes.y(), semi_axes.x(), semi_axes.z()};
+  return turned;
+}
+
+ObjectModel ellipsoid(const Eigen::Vector3d& semi_axes) { return {semi_axes, 1, 1, false}; }
 
 /// A superquadric whose exponent along the axis is 0 has flat ends; 1 across makes the section a
 /// circle.
 ObjectModel cylinder(double half_length, double radius) {
-  return {{radius, radius, half_length}, 0, 1};
+  return {{radius, radius, half_length}, 0, 1, false};
+}
+
+ObjectModel crossed_plates(double half_length, double half_width, double half_thickness) {
+  return {{half_thickness, half_width, half_length}, 1, 1, true};
 }
 
 ObjectModel superquadric(const Eigen::Vector3d& semi_axes, double exponent_along,
                          double exponent_across) {
-  return {semi_axes, exponent_along, exponent_across};
+  return {semi_axes, exponent_along, exponent_across, false};
 }
 
 }  // namespace vitreo::optics

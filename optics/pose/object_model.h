@@ -1,5 +1,5 @@
-// Convex bodies of known size, as the localizer models them: superquadrics, with ellipsoid,
-// cylinder and box among them.
+// Bodies of known size, as the localizer models them: superquadrics, with ellipsoid, cylinder and
+// box among them, and two thin ellipsoids that cross.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,9 +14,13 @@ struct ObjectModel {
   Eigen::Vector3d semi_axes{0.5e-3, 0.5e-3, 1e-3};  // a, b, c; m
   double exponent_along = 1;   // e1, 0 to 1.9: how square the profile along z is
   double exponent_across = 1;  // e2, 0 to 1.9: the section across z
+  // two of this ellipsoid: the other has a and b exchanged (a soft robot's plates)
+  bool crossed = false;
 
   bool ellipsoid() const { return exponent_along == 1 && exponent_across == 1; }
   bool round_about_z() const { return exponent_across == 1 && semi_axes.x() == semi_axes.y(); }
+  /// The other of two that cross.
+  ObjectModel other() const;
   /// In the space where the semi-axes are 1: the point of the surface with outward normal `n` (any
   /// length). Where an edge or a face has that normal, its middle.
   Eigen::Vector3d support(const Eigen::Vector3d& n) const;
@@ -26,6 +30,9 @@ struct ObjectModel {
 ObjectModel ellipsoid(const Eigen::Vector3d& semi_axes);
 /// Along z. Flat ends; `half_length` and `radius` in m.
 ObjectModel cylinder(double half_length, double radius);
+/// Two elliptical plates that share their long axis, z, in the planes of x and z and of y and z:
+/// each drawn as a thin ellipsoid. `half_thickness` in m.
+ObjectModel crossed_plates(double half_length, double half_width, double half_thickness);
 ObjectModel superquadric(const Eigen::Vector3d& semi_axes, double exponent_along,
                          double exponent_across);
 

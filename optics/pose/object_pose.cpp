@@ -21,7 +21,12 @@ using detail::BodyState;
 using detail::ProjectionModel;
 using detail::SmoothEllipse;
 
-/// (5.14) for a convex body: the outline seen from the viewpoint near the body, projected, and the
+/// A plate that is seen edge-on sticks out of the other one's ellipse, and a tracker leaves it out.
+detail::RimFit fit_of(const ObjectModel& object) {
+  return object.crossed ? detail::RimFit::robust : detail::RimFit::least_squares;
+}
+
+/// (5.14) for a body: the outline seen from the viewpoint near the body, projected, and the
 /// ellipse that a tracker fits to it. The outline is computed in the frame of the body at its
 /// nominal size: a body larger by `scale` is one seen from a viewpoint nearer by that factor.
 /// Nothing where the viewpoint is too near, or a point of the outline has no image.
@@ -40,7 +45,7 @@ std::optional<SmoothEllipse> shown_ellipse(const ObjectPoseSettings& settings,
     if (!pixel) return std::nullopt;
     rim.push_back(*pixel);
   }
-  return detail::rim_ellipse(rim);
+  return detail::rim_ellipse(rim, fit_of(settings.object));
 }
 
 /// An orientation is needed where it is held, or known beforehand; it must be a proper rotation.
@@ -132,6 +137,29 @@ std::optional<EllipseVector> project_object(const ObjectPoseSettings& settings,
   if (!camera.inside(pose.position_in_eye)) return std::nullopt;
   const auto shown =
       shown_ellipse(settings, camera, {pose.position_in_eye, pose.orientation, scale});
+  if (!shown) return std::nullopt;
+  return detail::center_axes_angle(*shown);
+}
+
+/// Parallel lines of sight, as from a thousand times the body's size away.
+std::optional<EllipseVector> distant_ellipse(const ObjectModel& object,
+                                             const Eigen::Matrix3d& orientation,
+                                             const Eigen::Vector3d& right,
+                                             const Eigen::Vector3d& up, double pixel) {
+  constexpr int kPoints = 64;
+  object.check();
+  detail::require_positive(pixel, "pixel");
+  const double far = 1000 * object.semi_axes.maxCoeff();
+  const Eigen::Vector3d from = orientation.transpose() * (far * right.cross(up));
+  const auto points = detail::outline(object, from, kPoints);
+  if (!points) return std::nullopt;
+  std::vector<Eigen::Vector2d> rim;
+  rim.reserve(points->size());
+  for (const Eigen::Vector3d& point : *points) {
+    const Eigen::Vector3d turned = orientation * point;
+    rim.emplace_back(turned.dot(right) / pixel, turned.dot(up) / pixel);
+  }
+  const auto shown = detail::rim_ellipse(rim, fit_of(object));
   if (!shown) return std::nullopt;
   return detail::center_axes_angle(*shown);
 }

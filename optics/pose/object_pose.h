@@ -17,6 +17,13 @@ namespace vitreo::optics {
 std::optional<EllipseVector> project_object(const ObjectPoseSettings& settings,
                                             const BodyPose& pose, double scale = 1);
 
+/// The same to a camera far away, about the body's center: `right` and `up`, unit, in the frame
+/// that `orientation` takes the body to, are the image's axes; px of `pixel` m, v upwards.
+std::optional<EllipseVector> distant_ellipse(const ObjectModel& object,
+                                             const Eigen::Matrix3d& orientation,
+                                             const Eigen::Vector3d& right,
+                                             const Eigen::Vector3d& up, double pixel);
+
 /// Weighted least squares (docs/localization.md). The tracker's angle has no weight where the
 /// ellipse is round. Without a start's position from the center's line of sight, at the depth where
 /// the size fits and 3 mm before and behind; with `rotate` from tilted starts too (without an

@@ -26,6 +26,7 @@ RigModel believed(const MachineSetting& setting) {
   model.robot.drag_across = setting.belief.drag_across;
   model.robot.moment_factor = setting.belief.moment;
   model.command_delay = setting.belief.delay;
+  if (setting.belief.field) model.field = *setting.belief.field;
   return model;
 }
 

@@ -33,6 +33,7 @@ struct Belief {
   double drag_across = 1;
   double moment = 1;
   double delay = 50e-3;
+  std::optional<control::FieldModel> field{};  // in the nominal one's place
 };
 
 /// A coil of which from `time` (s) on only `part` of the current flows. 0: none.

@@ -217,5 +217,6 @@ int main(int argc, char** argv) {
   if (studies.contains("identify")) identify(drawn, first, count);
   if (studies.contains("watch")) watch(drawn, first, count);
   if (studies.contains("false_alarms")) false_alarms(drawn, first, count);
+  if (studies.contains("field")) field_study(drawn, first, count);
   return 0;
 }

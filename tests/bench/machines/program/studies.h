@@ -13,4 +13,6 @@ void watch(const MachineSetting& setting, std::uint64_t first, int count);
 /// Alarms of healthy machines: each holds for ten minutes and goes round ten squares.
 void false_alarms(const MachineSetting& setting, std::uint64_t first, int count);
 
+/// Calibration of the field by the robot's own motion, and what it buys.
+void field_study(const MachineSetting& setting, std::uint64_t first, int count);
 }  // namespace vitreo::machines
