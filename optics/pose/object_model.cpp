@@ -64,7 +64,7 @@ void ObjectModel::check() const {
   };
   exponent("exponent_along", exponent_along);
   exponent("exponent_across", exponent_across);
-  detail::require(!crossed || ellipsoid(), "crossed: only ellipsoids can cross");
+  detail::require(!crossed || ellipsoid(), "crossed: must be an ellipsoid");
 }
 
 ObjectModel ObjectModel::other() const {

@@ -6,12 +6,14 @@
 #include "control/allocation.h"
 
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <random>
 #include <stdexcept>
+#include <vector>
 
 namespace vitreo::control {
 namespace {
