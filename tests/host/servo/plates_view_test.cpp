@@ -86,8 +86,9 @@ TEST(PlatesView, ShowTheTrackerWhatTheLocalizerExpects) {
         // px: a tenth is what the tracker's model of the rim leaves; of 70 px.
         EXPECT_LT((shape_of(*expected) - shape_of(e)).cwiseAbs().maxCoeff(), 0.15)
             << "pitch " << pitch << " azimuth " << azimuth << " roll " << roll;
-        if (pitch == 60)
+        if (pitch == 60) {
           EXPECT_GT((shape_of(*ellipsoid) - shape_of(e)).norm(), 5) << "an ellipsoid is none of it";
+        }
       }
 }
 
