@@ -7,6 +7,7 @@
 #include "host/files/sqlite.h"
 #include "host/record/record_json.h"
 #include "host/runs/open_record.h"
+#include "host/text/error_words.h"
 
 #include <fmt/format.h>
 
@@ -356,7 +357,7 @@ RunData read_run(const fs::path& folder) {
     throw;
   } catch (const nlohmann::json::exception& error) {
     throw RecordError((folder / "run.sqlite").string() +
-                      ": a text in it is broken: " + error.what());
+                      ": a text in it is broken: " + error_words(error));
   } catch (const std::exception& error) {
     throw RecordError(error.what());
   }
