@@ -257,7 +257,7 @@ bool VirtualClock::end_alone() {
   if (self == nullptr || self->thread != std::this_thread::get_id()) return false;
   Alone expected = Alone::with_baton;
   if (!alone_state_.compare_exchange_strong(expected, Alone::none)) {
-    // Whoever paces the clock holds the lock, and hands it over when it sees this.
+    // The task that paces the clock holds the lock, and hands it over when it sees this.
     reclaimed_ = true;
     std::unique_lock lock(mutex_);
     // From kForever: it may be chosen. After what the wall clock has made due meanwhile.
