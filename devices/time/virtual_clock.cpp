@@ -3,11 +3,14 @@
 #include "devices/time/clock.h"
 #include "devices/time/clock_task.h"
 #include "devices/time/quiet_thread.h"
+#include "devices/time/turn_sharing.h"
 
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
+#include <ctime>
 #include <mutex>
+#include <pthread.h>
 #include <stdexcept>
 #include <thread>
 #include <tuple>
@@ -25,6 +28,14 @@ constexpr Time kForgetLag = std::chrono::milliseconds(100);
 /// How often a waiter polls before it sleeps: the baton is mostly back within microseconds, while
 /// to wake a thread on another core costs about 25 us.
 constexpr int kYields = 20;
+/// Of a task that is alone, before the others go on beside it: of its own processor time, so that a
+/// loaded machine changes no run, and of wall time, so that no dead-man (250 ms) comes first.
+constexpr Time kAlone = std::chrono::milliseconds(50);
+constexpr Time kAloneAtMost = std::chrono::milliseconds(100);
+/// Between two looks at a task that is alone.
+constexpr Time kRelayPeriod = std::chrono::milliseconds(5);
+
+std::int64_t steady_now() { return std::chrono::steady_clock::now().time_since_epoch().count(); }
 
 struct VirtualEntry : TaskEntry {
   std::uint64_t number = 0;  // order of spawning, for tasks of the same name
@@ -41,7 +52,7 @@ bool goes_before(const VirtualEntry* a, const VirtualEntry* b) {
 /// Tasks are threads of which one runs at a time, the one that holds the baton. A waiting task is
 /// an entry with a due time; to hand the baton over is to find the entry that is due first, set the
 /// time to its due time and wake its thread.
-class VirtualClock final : public Clock {
+class VirtualClock final : public Clock, public TurnSharing {
  public:
   explicit VirtualClock(Pace pace) : pace_(pace), origin_(std::chrono::steady_clock::now()) {
     main_.name = "main";
@@ -49,7 +60,18 @@ class VirtualClock final : public Clock {
     entries_.push_back(&main_);
     current_ = &main_;
     moved();
+    if (pace_ == Pace::real_time) relay_thread_ = quiet_thread([this] { relay(); });
   }
+  ~VirtualClock() override {
+    {
+      const std::lock_guard lock(mutex_);
+      over_ = true;
+      relay_.turn.notify_one();
+    }
+    if (relay_thread_.joinable()) relay_thread_.join();
+  }
+  VirtualClock(const VirtualClock&) = delete;
+  VirtualClock& operator=(const VirtualClock&) = delete;
 
   Time now() const override { return Time(now_.load()); }
   void sleep_until(Time due) override;
@@ -63,6 +85,9 @@ class VirtualClock final : public Clock {
   void leave() override;
   Time stuck_for() const noexcept override;
   bool displaced() override { return displaced_ != nullptr; }
+  bool begin_alone() override;
+  bool end_alone() override;
+  Time alone_for() const noexcept override;
 
   void start(VirtualEntry& entry, std::thread& thread, std::function<void()> body);
   void request_stop(VirtualEntry& entry);
@@ -78,8 +103,15 @@ class VirtualClock final : public Clock {
   void moved() noexcept;
   VirtualEntry* choose();
   VirtualEntry* deadlocked();
-  bool main_is_called() const { return interrupted_ && !main_.deaf && displaced_ != &main_; }
+  bool main_is_called() const {
+    return interrupted_ && !main_.deaf && displaced_ != &main_ && away_ != &main_;
+  }
+  /// A task that comes for its turn out of order, before the next one is due.
+  bool is_called() const { return main_is_called() || intruder_waits_ || reclaimed_; }
   bool pace_to(Time due);
+  void relay();
+  bool stays_alone();
+  void give_away(VirtualEntry& self);
 
   const Pace pace_;
   // Of virtual time zero, under Pace::real_time.
@@ -100,6 +132,26 @@ class VirtualClock final : public Clock {
   std::atomic<std::int64_t> moved_at_{0};
   // The task that the baton was taken from, until it has had a new turn.
   std::atomic<VirtualEntry*> displaced_{nullptr};
+
+  // Of the task that is alone (begin_alone()); null: none is.
+  std::atomic<VirtualEntry*> alone_{nullptr};
+  enum class Alone { none, with_baton, away };
+  std::atomic<Alone> alone_state_{Alone::none};
+  std::atomic<std::int64_t> alone_since_{0};  // ns of the steady clock; 0: no task is alone
+  std::uint64_t turns_ = 0;                   // how often the baton was handed over
+  clockid_t alone_processor_{};               // its own processor time
+  // The one whose turn went to the others while it is alone.
+  std::atomic<VirtualEntry*> away_{nullptr};
+  std::atomic<bool> reclaimed_{false};  // it wants its turn back
+  struct {
+    std::uint64_t turn = 0;
+    std::int64_t processor = 0;  // ns, when the turn was seen first
+  } seen_;
+  // Hands the baton on for a task that is away: no task of its own, and never chosen.
+  VirtualEntry relay_;
+  bool over_ = false;
+  std::thread relay_thread_;
+
   // All that have not ended; few, so a scan is faster than a heap.
   std::vector<VirtualEntry*> entries_;
   std::uint64_t births_ = 0;
@@ -153,8 +205,7 @@ bool VirtualClock::break_in(Time patience) {
 /// Notes when the baton was seen to move, for stuck_for(). Not without a pace: the time of day has
 /// no part in such a run.
 void VirtualClock::moved() noexcept {
-  if (pace_ == Pace::real_time)
-    moved_at_ = std::chrono::steady_clock::now().time_since_epoch().count();
+  if (pace_ == Pace::real_time) moved_at_ = steady_now();
 }
 
 Time VirtualClock::stuck_for() const noexcept {
@@ -174,7 +225,104 @@ void VirtualClock::leave() {
     stuck->turn.notify_one();
     return;
   }
+  // A watchdog's thread must not sleep until the next event: with a task away that may be never.
+  if (away_ != nullptr && !over_) {
+    current_ = &relay_;
+    relay_.turn.notify_one();
+    return;
+  }
   pass_baton();
+}
+
+/// Cheap where the stretch stays short: two atomic words; the turn is taken away by relay() only.
+bool VirtualClock::begin_alone() {
+  if (pace_ != Pace::real_time || alone_ != nullptr) return false;
+  VirtualEntry& self = running();
+  alone_ = &self;
+  pthread_getcpuclockid(pthread_self(), &alone_processor_);
+  const std::int64_t wall = steady_now();
+  alone_since_ = wall;
+  alone_state_ = Alone::with_baton;
+  if (wall - moved_at_ < kAloneAtMost.count()) return true;
+  // One that calls the host all the time is seldom alone when relay() looks.
+  const std::lock_guard lock(mutex_);
+  Alone expected = Alone::with_baton;
+  if (current_ == &self && alone_state_.compare_exchange_strong(expected, Alone::away))
+    give_away(self);
+  return true;
+}
+
+bool VirtualClock::end_alone() {
+  VirtualEntry* const self = alone_;
+  if (self == nullptr || self->thread != std::this_thread::get_id()) return false;
+  Alone expected = Alone::with_baton;
+  if (!alone_state_.compare_exchange_strong(expected, Alone::none)) {
+    // The task that paces the clock holds the lock, and hands it over when it sees this.
+    reclaimed_ = true;
+    std::unique_lock lock(mutex_);
+    // From kForever: it may be chosen. After what the wall clock has made due meanwhile.
+    const Time wall(steady_now() - origin_.time_since_epoch().count());
+    self->due = std::min(self->due, std::max(now(), wall));
+    self->turn.wait(lock, [&] { return current_ == self; });
+    away_ = nullptr;
+    reclaimed_ = false;
+    ++turns_;
+    alone_state_ = Alone::none;
+  }
+  alone_since_ = 0;
+  alone_ = nullptr;
+  running();  // displaced by a watchdog meanwhile: it waits here
+  return true;
+}
+
+Time VirtualClock::alone_for() const noexcept {
+  const std::int64_t since = alone_since_;
+  return since == 0 ? Time(0) : Time(steady_now() - since);
+}
+
+/// Under the lock. False where the task that is alone has been so for long, by its own processor
+/// time or by the wall.
+bool VirtualClock::stays_alone() {
+  if (alone_state_ != Alone::with_baton || displaced_ != nullptr) return true;
+  timespec used{};
+  clock_gettime(alone_processor_, &used);
+  const std::int64_t processor = used.tv_sec * 1'000'000'000LL + used.tv_nsec;
+  // Since the others had a turn last: a loop of short calls into the host is no shorter for them.
+  if (seen_.turn != turns_) {
+    seen_ = {turns_, processor};
+    return true;
+  }
+  return processor - seen_.processor < kAlone.count() &&
+         steady_now() - moved_at_ < kAloneAtMost.count();
+}
+
+/// Under the lock: from here on relay() has the baton, to hand it on.
+void VirtualClock::give_away(VirtualEntry& self) {
+  moved();
+  self.due = kForever;
+  away_ = &self;
+  current_ = &relay_;
+  relay_.turn.notify_one();
+}
+
+/// The body of a thread of its own, under Pace::real_time: takes the turn from a task that stays
+/// alone, without its doing, and gives it to the others.
+void VirtualClock::relay() {
+  relay_.name = "relay";
+  std::unique_lock lock(mutex_);
+  while (!over_) {
+    relay_.turn.wait_for(lock, kRelayPeriod, [this] { return over_ || current_ == &relay_; });
+    if (over_) return;
+    if (current_ != &relay_) {
+      if (stays_alone()) continue;
+      VirtualEntry* const holder = alone_;
+      Alone expected = Alone::with_baton;
+      // It may have come back this very moment.
+      if (!alone_state_.compare_exchange_strong(expected, Alone::away)) continue;
+      give_away(*holder);
+    }
+    pass_baton();
+  }
 }
 
 /// An interrupt is thrown once, a stop at every wait.
@@ -249,6 +397,7 @@ bool VirtualClock::gives_up_displaced(const VirtualEntry& self) {
 /// Under the lock; every task that has not ended waits, and one always goes on.
 void VirtualClock::pass_baton() {
   moved();
+  ++turns_;
   VirtualEntry* const next = choose();
   if (next == current_) return;
   current_ = next;
@@ -261,8 +410,12 @@ VirtualEntry* VirtualClock::choose() {
   if (intruder_waits_) return &intruder_;
   if (main_is_called()) return &main_;
   VirtualEntry* const next = *std::min_element(entries_.begin(), entries_.end(), goes_before);
-  if (next->due == kForever) return deadlocked();
-  if (pace_ == Pace::real_time && !pace_to(next->due)) return intruder_waits_ ? &intruder_ : &main_;
+  // One that is away comes back some time.
+  if (next->due == kForever && away_ == nullptr) return deadlocked();
+  if (pace_ == Pace::real_time && !pace_to(next->due)) {
+    if (intruder_waits_) return &intruder_;
+    return main_is_called() ? &main_ : away_.load();
+  }
   now_ = std::max(now(), next->due).count();
   return next;
 }
@@ -285,7 +438,7 @@ bool VirtualClock::pace_to(Time due) {
     return std::chrono::duration_cast<Time>(std::chrono::steady_clock::now() - origin_);
   };
   while (wall() < due) {
-    if (main_is_called() || intruder_waits_) {
+    if (is_called()) {
       now_ = std::max(now(), wall()).count();
       return false;
     }

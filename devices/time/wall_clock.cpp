@@ -3,6 +3,7 @@
 #include "devices/time/clock.h"
 #include "devices/time/clock_task.h"
 #include "devices/time/quiet_thread.h"
+#include "devices/time/turn_sharing.h"
 
 #include <algorithm>
 #include <atomic>
@@ -28,12 +29,24 @@ class Baton {
  public:
   void lock() {
     std::unique_lock lock(mutex_);
+    ++came_;
     free_.wait(lock, [this] { return taken_at_ == 0; });
+    ++served_;
+    take();
+  }
+  /// After as many others as wait for it now: who takes it again and again leaves them their turns.
+  void lock_after_others() {
+    std::unique_lock lock(mutex_);
+    const std::uint64_t before = came_;
+    last_.wait(lock, [&] { return taken_at_ == 0 && served_ >= before; });
     take();
   }
   bool try_lock_for(Time patience) {
     std::unique_lock lock(mutex_);
-    if (!free_.wait_for(lock, patience, [this] { return taken_at_ == 0; })) return false;
+    ++came_;
+    const bool taken = free_.wait_for(lock, patience, [this] { return taken_at_ == 0; });
+    ++served_;
+    if (!taken) return false;
     take();
     return true;
   }
@@ -41,6 +54,7 @@ class Baton {
     const std::lock_guard lock(mutex_);
     taken_at_ = 0;
     free_.notify_one();
+    last_.notify_one();
   }
   /// The holder has it no longer, the caller has.
   void seize() { take(); }
@@ -53,6 +67,8 @@ class Baton {
   void take() { taken_at_ = Steady::now().time_since_epoch().count(); }
   std::mutex mutex_;
   std::condition_variable free_;
+  std::condition_variable last_;  // of lock_after_others(), whose condition is another
+  std::uint64_t came_ = 0, served_ = 0;
   // ns of the steady clock; 0: it is free.
   std::atomic<std::int64_t> taken_at_{0};
 };
@@ -63,10 +79,10 @@ struct WallEntry : TaskEntry {
   bool notified = false;
 };
 
-/// Of the thread's task, while it is outside(); else null.
+/// Of the thread's task, while it is outside() or alone; else null.
 thread_local WallEntry* away = nullptr;
 
-class WallClock final : public Clock {
+class WallClock final : public Clock, public TurnSharing {
  public:
   WallClock() {
     main_.thread = std::this_thread::get_id();
@@ -81,6 +97,9 @@ class WallClock final : public Clock {
   void notify(Signal& signal) override;
   void outside(const std::function<void()>& work) override;
   void inside(const std::function<void()>& some) override;
+  bool begin_alone() override;
+  bool end_alone() override;
+  Time alone_for() const noexcept override;
   std::unique_ptr<Task> spawn(std::string name, std::function<void()> body) override;
   void interrupt() noexcept override { interrupted_ = true; }
   bool set_deaf(bool deaf) override { return std::exchange(running().deaf, deaf); }
@@ -107,6 +126,10 @@ class WallClock final : public Clock {
   Baton baton_;
   // The holder; null while all wait or are outside().
   std::atomic<WallEntry*> current_;
+  // ns of the steady clock: since when a task is alone; 0: none is.
+  std::atomic<std::int64_t> alone_since_{0};
+  // Written by the task that is alone.
+  std::atomic<WallEntry*> alone_{nullptr};
   // The task that it was taken from, until it is back.
   std::atomic<WallEntry*> displaced_{nullptr};
   // All that have not ended.
@@ -251,6 +274,38 @@ void WallClock::inside(const std::function<void()>& some) {
   } const leave{*this, self};
   away = nullptr;
   some();
+}
+
+/// The baton is free meanwhile, and with it every other task.
+bool WallClock::begin_alone() {
+  if (away != nullptr) return false;  // it is alone, or outside()
+  WallEntry& self = running();
+  if (alone_ != nullptr) return false;
+  alone_ = &self;
+  away = &self;
+  alone_since_ = Steady::now().time_since_epoch().count();
+  current_ = nullptr;
+  self.baton.unlock();
+  return true;
+}
+
+/// Last in line: a script that asks the host for something in a tight loop leaves the servo loop
+/// its turns.
+bool WallClock::end_alone() {
+  WallEntry* const self = away;
+  if (self == nullptr || alone_ != self) return false;
+  alone_since_ = 0;
+  baton_.lock_after_others();
+  self->baton = std::unique_lock(baton_, std::adopt_lock);
+  current_ = self;
+  alone_ = nullptr;
+  away = nullptr;
+  return true;
+}
+
+Time WallClock::alone_for() const noexcept {
+  const std::int64_t since = alone_since_;
+  return since == 0 ? Time(0) : Time(Steady::now().time_since_epoch().count() - since);
 }
 
 void WallClock::request_stop(WallEntry& entry) {

@@ -11,6 +11,7 @@
 #include "host/files/log.h"
 #include "host/files/run_folder.h"
 #include "host/runs/run_reader.h"
+#include "host/text/error_words.h"
 #include "host/trials/point_folder.h"
 
 #include <nlohmann/json.hpp>
@@ -158,6 +159,6 @@ int main(int count, char** words) {
   } catch (const vitreo::DeviceError& error) {
     return fail(error.what(), ExitCode::device_missing);
   } catch (const std::exception& error) {
-    return fail(error.what(), ExitCode::internal);
+    return fail(vitreo::error_words(error), ExitCode::internal);
   }
 }

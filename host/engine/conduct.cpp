@@ -8,6 +8,7 @@
 #include "host/files/run_folder.h"
 #include "host/record/disk_alarm.h"
 #include "host/servo/observers.h"
+#include "host/text/error_words.h"
 #include "host/text/terminal_text.h"
 
 #include <fmt/format.h>
@@ -316,7 +317,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
   } catch (const std::exception& error) {  // of the engine itself; the record says so
     for (const std::string& failure : stage.rig->make_safe())
       stage.recorder->event(stage.clock->now(), "unsafe", failure);
-    verdict = {Outcome::failed, ExitCode::internal, error.what(), {"program"}};
+    verdict = {Outcome::failed, ExitCode::internal, error_words(error), {"program"}};
   }
   stage.interrupts->end();
   close_record(stage, verdict, location, began);

@@ -6,6 +6,7 @@
 #include "host/files/run_folder.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/rig_settings.h"
+#include "host/text/error_words.h"
 
 #include <fmt/format.h>
 
@@ -120,7 +121,7 @@ json read_entries(const fs::path& file) {
   try {
     whole = json::parse(read_whole_file(file));
   } catch (const json::exception& problem) {
-    broken(file, "", std::string("the calibration is no JSON: ") + problem.what());
+    broken(file, "", "the calibration " + error_words(problem));
   } catch (const std::runtime_error& problem) {
     throw ConfigError(std::string("the calibration cannot be read: ") + problem.what());
   }

@@ -2,12 +2,15 @@
 #include "host/engine/watchdog.h"
 
 #include "devices/time/quiet_thread.h"
+#include "devices/time/turn_sharing.h"
 
 namespace vitreo {
 namespace {
 
 constexpr std::chrono::milliseconds kEndingPeriod{20};  // of the checks, while a run is being ended
 constexpr std::chrono::milliseconds kIdlePeriod{50};    // else; a request wakes the thread at once
+// Of the grace (60 s by default): so long a script may compute, while the loops go on beside it.
+constexpr int kScriptGraces = 12;
 
 }  // namespace
 
@@ -41,21 +44,30 @@ void Watchdog::watch() {
 /// The dead-man of the whole host: on the virtual clock time stands still while anything computes,
 /// so only a run at the pace of the wall clock can be late.
 void Watchdog::check_pace() {
-  const Time stuck = clock_.stuck_for();
-  if (stuck <= limits_.dead_man || !actions_.energized()) return;
+  const auto text = [](Time time) {
+    return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count()) +
+           " ms";
+  };
+  const TurnSharing* const sharing = turn_sharing(clock_);
+  const Time stuck = clock_.stuck_for(), alone = sharing ? sharing->alone_for() : Time(0);
+  const auto open = [this](Time patience, const std::string& why) {
+    clock_.break_in(patience);
+    inside_ = true;
+    try {
+      actions_.trip(why);
+    } catch (const std::exception&) {
+      // Reported by the interlock, which tries again.
+    }
+    inside_ = false;
+    clock_.leave();
+  };
   // At once: the thread that has the baton does not move.
-  clock_.break_in(std::chrono::milliseconds(0));
-  inside_ = true;
-  try {
-    actions_.trip(
-        "dead-man: the host has not moved for " +
-        std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(stuck).count()) +
-        " ms");
-  } catch (const std::exception&) {
-    // Reported by the interlock, which tries again.
-  }
-  inside_ = false;
-  clock_.leave();
+  if (stuck > limits_.dead_man && actions_.energized())
+    open(Time(0), "dead-man: the host has not moved for " + text(stuck));
+  // A loop holds for as long as its script computes, but not for a script that never comes back.
+  if (alone > kScriptGraces * limits_.grace && actions_.energized())
+    open(limits_.safe,
+         "dead-man: the script has computed for " + text(alone) + " without a call to the host");
 }
 
 /// The deadlines of an end: a clean-up that is too long becomes an abort; an abort that the

@@ -8,6 +8,7 @@
 #include "host/record/record_json.h"
 #include "host/runs/open_record.h"
 #include "host/runs/run_outline.h"
+#include "host/text/error_words.h"
 
 #include <fmt/format.h>
 
@@ -297,7 +298,7 @@ RunData read_with(const fs::path& folder,
     throw;
   } catch (const nlohmann::json::exception& error) {
     throw RecordError((folder / "run.sqlite").string() +
-                      ": a text in it is broken: " + error.what());
+                      ": a text in it is broken: " + error_words(error));
   } catch (const std::exception& error) {
     throw RecordError(error.what());
   }

@@ -7,6 +7,7 @@
 #include "host/files/log.h"
 #include "host/files/run_folder.h"
 #include "host/runs/open_record.h"
+#include "host/text/error_words.h"
 #include "host/text/units.h"
 
 #include <fmt/format.h>
@@ -124,7 +125,7 @@ void Dispatcher::work() {
     try {
       step();
     } catch (const std::exception& error) {
-      write_log(std::string("queue: ") + error.what());
+      write_log("queue: " + error_words(error));
       pause = kAfterError;
     }
     std::unique_lock lock(mutex_);
@@ -156,7 +157,7 @@ void Dispatcher::start(const Job& job) {
     words.insert(words.begin(), settings_.program);
     queue_.set_process(job.id, JobProcess(folder_of(job.id)).start(words));
   } catch (const std::exception& error) {
-    conclude(job, {"refused", std::string("it cannot be started: ") + error.what(), "", true});
+    conclude(job, {"refused", "it cannot be started: " + error_words(error), "", true});
   }
 }
 

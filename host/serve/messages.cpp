@@ -6,6 +6,7 @@
 #include "host/files/child_process.h"
 #include "host/files/log.h"
 #include "host/files/posix_file.h"
+#include "host/text/error_words.h"
 
 #include <fmt/format.h>
 
@@ -255,7 +256,7 @@ void Messenger::work() {
     try {
       tell_due();
     } catch (const std::exception& error) {
-      write_log(std::string("messages: ") + error.what());
+      write_log("messages: " + error_words(error));
     }
     std::unique_lock lock(mutex_);
     if (wake_.wait_for(lock, kLook, [this] { return ended_; })) return;
@@ -278,9 +279,9 @@ void Messenger::tell_due() {
           kPauses[std::min(static_cast<std::size_t>(message.tries), kPauses.size() - 1)];
       // Far beyond every clock: not tried again, and it stays in the list as not told.
       const bool give_up = now - message.added > kGiveUp;
-      queue_.failed(message.id, give_up ? INT64_MAX : now + pause, error.what());
+      queue_.failed(message.id, give_up ? INT64_MAX : now + pause, error_words(error));
       write_log("message of job " + std::to_string(message.job) +
-                " was not taken: " + error.what());
+                " was not taken: " + error_words(error));
     }
   }
 }

@@ -4,6 +4,7 @@
 #include "host/config/config.h"
 #include "host/config/rights.h"
 #include "host/serve/asked.h"
+#include "host/text/error_words.h"
 
 #include <fmt/format.h>
 
@@ -357,7 +358,9 @@ WebReply find_and_answer(const WebRequest& request, Parts& parts) {
 }  // namespace
 
 WebReply answer(const WebRequest& request, Parts& parts) {
-  const auto failed = [](int status, const char* what) { return reply({{"error", what}}, status); };
+  const auto failed = [](int status, const std::string& what) {
+    return reply({{"error", what}}, status);
+  };
   try {
     return find_and_answer(request, parts);
   } catch (const Missing& error) {
@@ -368,6 +371,8 @@ WebReply answer(const WebRequest& request, Parts& parts) {
     return failed(400, error.what());
   } catch (const std::invalid_argument& error) {
     return failed(400, error.what());
+  } catch (const json::exception& error) {  // a field of the body is missing, or of another kind
+    return failed(400, "the body: " + error_words(error));
   } catch (const std::exception& error) {
     return failed(500, error.what());
   }

@@ -19,8 +19,9 @@ constexpr Time kStampRenewed = std::chrono::seconds(5);
 }  // namespace
 
 // With E, R and N what exposure, arrival and number times period have gone on by:
-// the stamps have leapt where E - R and E - N are both beyond what is allowed, to the same side,
-// and the arrivals keep nearer to the numbers than the stamps do.
+// the stamps have leapt where E - R and E - N are both beyond what is allowed, and the arrivals
+// keep nearer to the numbers than the stamps do: |R - N| < |E - N|, by which both are to the same
+// side.
 double StampWatch::moved(const Stamp& then, const Stamp& now, double allowed) const {
   const double exposed = to_seconds(now.exposed - then.exposed);
   const double received = to_seconds(now.received - then.received);
@@ -28,7 +29,6 @@ double StampWatch::moved(const Stamp& then, const Stamp& now, double allowed) co
   const double by_arrival = exposed - received;
   const double by_number = exposed - numbered;
   const bool leapt = std::abs(by_arrival) > allowed && std::abs(by_number) > allowed &&
-                     by_arrival * by_number > 0 &&
                      std::abs(received - numbered) < std::abs(by_number);
   return leapt ? by_number : 0;
 }

@@ -4,12 +4,14 @@
 #include "host/config/config.h"
 #include "host/engine/request_check.h"
 #include "host/files/digest.h"
+#include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
 #include "host/rig/registry.h"
 #include "host/session/session.h"
 #include "host/trials/point_execution.h"
 #include "host/trials/silent_listener.h"
 #include "host/trials/soak_check.h"
+#include "host/trials/soak_script.h"
 
 #include <fmt/format.h>
 
@@ -19,6 +21,7 @@
 #include <cstring>
 #include <fcntl.h>
 #include <filesystem>
+#include <fstream>
 #include <poll.h>
 #include <stdexcept>
 #include <sys/mman.h>
@@ -81,6 +84,7 @@ class Soak {
   SoakPlan plan_of(std::uint64_t seed) const {
     return draw_plan(seed, reference_.roles, reference_.horizon);
   }
+  std::string script_of(std::uint64_t seed, const std::string& misbehavior) const;
   Worker start_worker(std::uint64_t first);
   [[noreturn]] void work(std::uint64_t first, int pipe);
   SoakedSeed run_one(std::uint64_t seed);
@@ -146,6 +150,17 @@ void Soak::disturb(Session& session, const SoakPlan& plan, SoakWitness& witness)
   }));
 }
 
+/// The file of the protocol that misbehaves so.
+std::string Soak::script_of(std::uint64_t seed, const std::string& misbehavior) const {
+  const fs::path file = folder_of(seed).string() + ".lua";
+  fs::create_directories(file.parent_path());
+  std::ofstream out(file);
+  out << misbehaving(read_whole_file(request_.run.what.protocol_file), misbehavior);
+  out.close();
+  if (!out) throw std::runtime_error(file.string() + ": cannot be written");
+  return file.string();
+}
+
 /// One run under its plan, in the worker: checked while its rig is still open, and again by its
 /// result.
 /// The digest is of the canonical export: two soaks of the same program agree seed by seed, except
@@ -157,6 +172,8 @@ SoakedSeed Soak::run_one(std::uint64_t seed) {
   RunRequest request = request_.run;
   request.where.out = folder_of(seed).string();
   if (plan.machine != 0) request.how.seed = plan.machine;
+  // Beside the seed's folder, in which is one run and nothing else.
+  if (!plan.script.empty()) request.what.protocol_file = script_of(seed, plan.script);
   request.how.companion = [&](Session& session) {
     for (const Fault& fault : plan.faults) session.faults->add(fault);
     disturb(session, plan, witness);
@@ -304,7 +321,10 @@ void Soak::run(const std::function<void(const SoakedSeed&)>& report) {
   for (std::uint64_t seed = request_.first; seed < request_.first + request_.count; ++seed) {
     if (worker.process < 0) worker = start_worker(seed);
     const SoakedSeed one = result_of(worker, seed);
-    if (one.violations.empty()) fs::remove_all(folder_of(seed));
+    if (one.violations.empty()) {
+      fs::remove_all(folder_of(seed));
+      fs::remove(folder_of(seed).string() + ".lua");
+    }
     report(one);
   }
   if (worker.process >= 0) {

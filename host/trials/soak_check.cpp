@@ -170,7 +170,7 @@ std::vector<std::string> check_ended(const SoakPlan& plan, const SoakWitness& wi
 std::vector<std::string> check_result(const SoakPlan& plan, const SoakWitness& witness,
                                       const RunResult& result) {
   Findings findings;
-  const bool faulty = !plan.faults.empty();
+  const bool faulty = !plan.faults.empty() || !plan.script.empty();
   const Outcome outcome = result.outcome;
   findings.unless(result.exit_code != ExitCode::internal, "internal error: {}", result.reason);
   findings.unless((outcome == Outcome::completed) == (result.exit_code == ExitCode::completed),

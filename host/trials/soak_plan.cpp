@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/trials/soak_plan.h"
 
+#include "host/trials/soak_script.h"
+
 #include <fmt/format.h>
 
 #include <cmath>
@@ -105,6 +107,9 @@ SoakPlan draw_plan(std::uint64_t seed, const SimulatedRoles& roles, double horiz
   if (plan.kill || plan.tier != StopTier::none) plan.at = rounded(dice.between(0, 1.02 * horizon));
   // Half of the runs on the reference's machine, to which they are compared to the bit.
   if (dice.falls(0.5)) plan.machine = 1 + dice.below(1'000'000);
+  // Of the others 40 % have a script that misbehaves.
+  const std::vector<std::string> scripts = misbehaviors();
+  if (plan.machine != 0 && dice.falls(0.4)) plan.script = scripts[dice.below(scripts.size())];
   return plan;
 }
 
@@ -115,6 +120,7 @@ std::string to_string(const SoakPlan& plan) {
   if (plan.kill || plan.tier != StopTier::none)
     parts.push_back(fmt::format("{} at {:.3f} s", word, plan.at));
   if (plan.machine != 0) parts.push_back(fmt::format("machine {}", plan.machine));
+  if (!plan.script.empty()) parts.push_back("a script that " + plan.script);
   return parts.empty() ? "left alone" : fmt::format("{}", fmt::join(parts, "; "));
 }
 

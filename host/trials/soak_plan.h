@@ -19,7 +19,8 @@ struct SoakPlan {
   StopTier tier = StopTier::none;  // asked for at `at`
   bool kill = false;               // the process, at `at`
   double at = 0;                   // s of the run's clock
-  std::uint64_t machine = 0;       // the machine that is drawn; 0: that of the reference
+  std::uint64_t machine = 0;       // the machine and the eye that are drawn; 0: the reference's
+  std::string script{};            // how the script misbehaves (soak_script.h); empty: it does not
 };
 std::string to_string(const SoakPlan& plan);
 /// A function of its arguments alone. `horizon`: s, how long the run takes when it is left alone.

@@ -57,6 +57,14 @@ fs::path find_run(const std::string& run) {
       fmt::format("several runs are going on: {}; say which", fmt::join(fitting, ", ")));
 }
 
+/// A line that run `name` has sent. Throws std::runtime_error.
+nlohmann::json parsed(const std::string& name, const std::string& line) {
+  nlohmann::json message = nlohmann::json::parse(line, nullptr, false);
+  if (message.is_discarded())
+    throw std::runtime_error(name + ": answers in words that are no JSON");
+  return message;
+}
+
 }  // namespace
 
 // XDG_RUNTIME_DIR is this user's alone by its specification, and goes with the login. Run folders
@@ -99,7 +107,7 @@ nlohmann::json control_run(const std::string& run, const nlohmann::json& request
   std::string reply;
   if (!(stream << line_of(request) << std::flush) || !std::getline(stream, reply))
     throw std::runtime_error(name + ": does not answer");
-  return nlohmann::json::parse(reply);
+  return parsed(name, reply);
 }
 
 struct ControlConnection::State {
@@ -144,7 +152,7 @@ std::optional<nlohmann::json> ControlConnection::next() {
   const std::size_t end = received.find('\n');
   // Half a line waits for the rest.
   if (end == std::string::npos) return std::nullopt;
-  const nlohmann::json message = nlohmann::json::parse(received.substr(0, end));
+  const nlohmann::json message = parsed(state_->name, received.substr(0, end));
   received.erase(0, end + 1);
   return message;
 }

@@ -3,6 +3,7 @@
 
 #include "devices/time/quiet_thread.h"
 #include "host/session/session.h"
+#include "host/text/error_words.h"
 #include "host/view/control_client.h"
 
 #include <algorithm>
@@ -131,7 +132,7 @@ nlohmann::json answer_request(const std::string& line, OperatorDesk& desk) {
     if (command.word != "status" && command.word != "watch") desk.perform(command);
     return status_reply(desk);
   } catch (const std::exception& error) {
-    return {{"ok", false}, {"error", error.what()}};
+    return {{"ok", false}, {"error", error_words(error)}};
   }
 }
 

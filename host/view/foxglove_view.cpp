@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/foxglove_view.h"
 
+#include "host/text/error_words.h"
 #include "host/view/board.h"
 #include "host/view/foxglove_channels.h"
 #include "host/view/foxglove_protocol.h"
@@ -238,7 +239,7 @@ void FoxgloveView::State::receive(int viewer, const std::string& message) {
       throw std::invalid_argument(op + " is not understood: this server can be read only");
     }
   } catch (const std::exception& error) {
-    server.send(viewer, status_text(kFoxgloveError, error.what()));
+    server.send(viewer, status_text(kFoxgloveError, error_words(error)));
   }
 }
 

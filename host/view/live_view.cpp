@@ -2,6 +2,7 @@
 #include "host/view/live_view.h"
 
 #include "host/config/config.h"
+#include "host/text/error_words.h"
 #include "host/view/assets.h"
 #include "host/view/board.h"
 #include "host/view/instrument_panel.h"
@@ -274,7 +275,7 @@ void LiveView::State::receive(int viewer, const std::string& message) {
       throw std::invalid_argument("wants {\"do\": WORD}");
     reply = perform(viewer, request);
   } catch (const std::exception& error) {
-    reply = {{"refused", error.what()}};
+    reply = {{"refused", error_words(error)}};
   }
   if (!reply.is_null()) server.send(viewer, text_of(reply));
 }

@@ -181,7 +181,7 @@ inline const std::vector<Row> kTable{
      {"opencv2/core", "opencv2/videoio"},
      true},  // V4L2's controls
     {"devices/instruments/", {"devices/"}, {"devices/sim/", "devices/testbed/"}, kOfDevices, true},
-    {"host/text/", kText, {}, {"fmt/"}, true},
+    {"host/text/", kText, {}, {"fmt/", "nlohmann/"}, true},
     {"host/files/", kFiles, {}, kOfHost, true},
     {"host/config/", kConfig, {}, kOfHost, true},
     {"host/plot/", kPlot, {}, kOfHost, true},

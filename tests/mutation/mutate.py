@@ -22,13 +22,16 @@ GOAL = 0.95
 FILES = {
     'host/safety/interlock.cpp': (110, 'Interlock*:TimedInterlock*:HeldCurrent*:CoilRest*:'
                                        'CurrentWatch*:HeartbeatLine*'),
-    'host/safety/coil_temperature.cpp': (30, 'Interlock*:TimedInterlock*'),
+    'host/safety/coil_temperature.cpp': (37, 'CoilTemperature*:CoilHeat*'),
     'host/engine/watchdog.cpp': (45, 'RunWatchdog*:StuckRun*'),
-    'host/session/alarms.cpp': (50, 'AlarmsTest*'),
+    'host/session/alarms.cpp': (61, 'AlarmsTest*'),
     'devices/time/virtual_clock.cpp': (60, 'VirtualClock*:RealTimePace*:Watchdog*:Task*:'
                                               'Interrupt*:Deadlock*'),
-    'host/servo/frame_validator.cpp': (45, 'FrameValidator*:StampWatch*'),
-    'host/servo/stamp_watch.cpp': (40, 'FrameValidator*:StampWatch*'),
+    'devices/time/wall_clock.cpp': (45, 'WallClock*:Watchdog*:TaskAlone*'),
+    'host/safety/guardian.cpp': (45, 'GuardianUnit*'),
+    'host/servo/frame_validator.cpp': (80, 'FrameValidator*:ArrivalDelay*'),
+    'host/servo/stamp_watch.cpp': (50, 'StampWatch*'),
+    'host/servo/view_watch.cpp': (45, 'ViewWatch*'),
     'host/session/run_control.cpp': (60, 'RunControlUnit*:RunWatchdog*:StuckRun*'),
 }
 

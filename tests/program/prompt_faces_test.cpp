@@ -274,5 +274,18 @@ TEST(TerminalPrompt, GrabLookTrackFitAndPlotTakeTenLines) {
   EXPECT_EQ(terminal.end(), 0);
 }
 
+// To repeat a protocol is what a prompt is for: one record, and none is left over from the one
+// before.
+TEST(PipedPrompt, RunsFiveHundredProtocolsInOneStatement) {
+  const Workplace place;
+  const Spoken said = place.vitreo("--out runs",
+                                   "for i = 1, 500 do run('hello_rig', { frames = 1 }) end\n"
+                                   "print('all of them')\n");
+  EXPECT_EQ(said.exit_code, 0) << said.err;
+  EXPECT_NE(said.out.find("all of them"), std::string::npos) << said.err;
+  EXPECT_EQ(said.err.find("runs already"), std::string::npos);
+  EXPECT_EQ(place.runs(), 1);
+}
+
 }  // namespace
 }  // namespace vitreo

@@ -5,6 +5,7 @@
 #include "control/curve_fit.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/tables.h"
+#include "host/lua/interpreter/turn.h"
 #include "host/lua/interpreter/values.h"
 
 #include <stdexcept>
@@ -125,7 +126,11 @@ double value_of(lua_State* L, int function, const Eigen::VectorXd& parameters, d
   lua_pushvalue(L, function);
   lua_pushnumber(L, x);
   for (const double parameter : parameters) lua_pushnumber(L, parameter);
-  if (lua_pcall(L, static_cast<int>(parameters.size()) + 1, 1, 0) != LUA_OK) {
+  const bool failed = [&] {
+    const PlainLua plain(context_of(L));
+    return lua_pcall(L, static_cast<int>(parameters.size()) + 1, 1, 0) != LUA_OK;
+  }();
+  if (failed) {
     const char* const said = lua_tostring(L, -1);
     const std::string message = said != nullptr ? said : "the function failed";
     lua_settop(L, top);

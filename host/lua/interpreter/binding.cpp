@@ -6,6 +6,7 @@
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/stop.h"
+#include "host/lua/interpreter/turn.h"
 #include "host/lua/interpreter/values.h"
 
 #include <cmath>
@@ -26,7 +27,9 @@ Handle& handle_at(lua_State* L, int index) {
   return *static_cast<Handle*>(lua_touserdata(L, index));
 }
 
+/// What dies here may be a servo loop, whose end is waited for on the clock.
 int collect_handle(lua_State* L) {
+  const HostCode host(context_of(L));
   handle_at(L, 1).~Handle();
   return 0;
 }
@@ -84,6 +87,7 @@ int continue_wait(lua_State* L, int, lua_KContext) {
   const auto& binding = *static_cast<const Binding*>(lua_touserdata(L, lua_upvalueindex(1)));
   const auto* owner = static_cast<const Class*>(lua_touserdata(L, lua_upvalueindex(2)));
   const int results = guarded(L, full_name(owner, binding) + ": ", [&] {
+    const HostCode host(context_of(L));
     LuaTask& task = *context_of(L).scheduler->current();
     if (!task.wait) throw std::logic_error("this coroutine waits on behalf of another task");
     const auto wait = std::move(task.wait);
@@ -101,6 +105,7 @@ int invoke(lua_State* L) {
   const auto& binding = *static_cast<const Binding*>(lua_touserdata(L, lua_upvalueindex(1)));
   const auto* owner = static_cast<const Class*>(lua_touserdata(L, lua_upvalueindex(2)));
   const int results = guarded(L, full_name(owner, binding) + ": ", [&]() -> int {
+    const HostCode host(context_of(L));
     if (context_of(L).interrupted) {
       take_interrupt(context_of(L));
       throw Stopped();

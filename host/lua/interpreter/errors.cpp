@@ -6,6 +6,7 @@
 #include "host/lua/interpreter/stop.h"
 #include "host/lua/interpreter/values.h"
 #include "host/session/script_engine.h"
+#include "host/text/error_words.h"
 
 #include <new>
 #include <stdexcept>
@@ -108,7 +109,7 @@ int guarded(lua_State* L, const std::string& prefix, const std::function<int()>&
   } catch (const std::bad_alloc&) {
     lua_pushstring(L, (where(L) + prefix + "not enough memory").c_str());
   } catch (const std::exception& error) {
-    lua_pushstring(L, (where(L) + prefix + error.what()).c_str());
+    lua_pushstring(L, (where(L) + prefix + error_words(error)).c_str());
   }
   if (stopped) {
     take_interrupt(context_of(L));

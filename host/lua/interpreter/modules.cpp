@@ -4,6 +4,7 @@
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/library.h"
 #include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/turn.h"
 #include "host/lua/interpreter/values.h"
 #include "host/session/script_engine.h"
 #include "host/text/units.h"
@@ -110,6 +111,7 @@ int require(lua_State* L) {
     if (!well_formed(name))
       throw std::invalid_argument(
           "'" + name + "' is not a module's name: letters, digits, _ and dots between them");
+    const HostCode host(context_of(L));
     load_module(L, name);
     return 0;
   });

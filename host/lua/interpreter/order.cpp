@@ -4,6 +4,7 @@
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/turn.h"
 #include "host/lua/interpreter/values.h"
 
 #include <cctype>
@@ -94,6 +95,7 @@ int print(lua_State* L) {
   return guarded(L, "print: ", [L] {
     std::string line;
     for (int i = 1; i <= lua_gettop(L); ++i) line += (i > 1 ? "\t" : "") + plain_text(L, i);
+    const HostCode host(context_of(L));
     if (const auto& show = context_of(L).print) show(line);
     return 0;
   });

@@ -6,6 +6,7 @@
 #include "host/lua/interpreter/dead_time.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/stop.h"
+#include "host/lua/interpreter/turn.h"
 
 #include <algorithm>
 #include <stdexcept>
@@ -88,8 +89,10 @@ void Scheduler::resume(LuaTask& task) {
   context_.stops_felt = &task.stops;
   if (context_.interrupted) arm_stop(task.thread);
   int results = 0;
-  const int status =
-      lua_resume(task.thread, context_.main, std::exchange(task.arguments, 0), &results);
+  const int status = [&] {
+    const PlainLua plain(context_);
+    return lua_resume(task.thread, context_.main, std::exchange(task.arguments, 0), &results);
+  }();
   ready_.erase(task.number);  // only now: it may have stopped itself
   context_.running = nullptr;
   context_.stops_felt = nullptr;

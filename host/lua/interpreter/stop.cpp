@@ -3,6 +3,7 @@
 
 #include "devices/time/error.h"
 #include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/turn.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -94,6 +95,7 @@ void let_stop_pass(lua_State* L, std::size_t before) {
 
 void take_interrupt(Context& context) {
   if (!context.interrupted.exchange(false) || !context.session) return;
+  const HostCode host(context);
   Session& session = *context.session;
   try {  // where a watchdog has taken the baton, this stands still until it is given back
     session.clock.sleep_until(session.clock.now());

@@ -4,6 +4,7 @@
 #include "host/config/config.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/turn.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/prompt/prompt_see.h"
 #include "host/lua/prompt/prompt_show.h"
@@ -90,6 +91,7 @@ int end_protocol(lua_State* L, int, lua_KContext) {
     lua_callk(L, 0, 0, 0, end_protocol);
   }
   return guarded(L, "run: ", [&] {
+    const HostCode host(context);
     while (context.nested && context.closers.size() > context.nested->closers) {
       const auto close = std::move(context.closers.back());
       context.closers.pop_back();
@@ -145,6 +147,7 @@ int run_by_name(lua_State* L) {
   Prepared* prepared = nullptr;
   guarded(L, "run: ", [&]() -> int {
     Context& context = context_of(L);
+    const HostCode host(context);
     if (lua_type(L, 2) != LUA_TSTRING)
       throw std::invalid_argument("wants a protocol's name, such as run(\"hello_rig\"), got " +
                                   kind_of(L, 2));

@@ -6,6 +6,7 @@
 #include "host/lua/interpreter/progress.h"
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/stop.h"
+#include "host/lua/interpreter/turn.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/rig/bind_rig.h"
 #include "host/lua/run/classes.h"
@@ -56,6 +57,7 @@ void end_lap(Context& context, std::size_t id) {
 }
 
 int close_lap(lua_State* L) {
+  const HostCode host(context_of(L));
   end_lap(context_of(L), static_cast<std::size_t>(lua_tointeger(L, lua_upvalueindex(1))));
   return 0;
 }
@@ -79,6 +81,7 @@ int next_turn(lua_State* L) {
                     turn = lua_tointeger(L, lua_upvalueindex(3)) + 1;
   const auto id = static_cast<std::size_t>(lua_tointeger(L, lua_upvalueindex(4)));
   Context& context = context_of(L);
+  const HostCode host(context);
   if (turn > count) {
     tell_progress(context, 1, "");
     end_lap(context, id);

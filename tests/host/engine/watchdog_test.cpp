@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/engine/watchdog.h"
 
+#include "devices/time/turn_sharing.h"
+
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -122,6 +124,26 @@ TEST_F(StuckRun, IsTrippedInRealTimeByTheDeadManOnceItIsEnergized) {
   EXPECT_LT(tripped_at.load(), 400ms);
   EXPECT_EQ(tripped.find("dead-man: the host has not moved for "), 0u) << tripped;
   clock->sleep_for(1ms);  // it has come back
+}
+
+TEST_F(StuckRun, ThatComputesAloneIsNoDeadHostButHasItsOwnBound) {
+  for (const auto& clock : {virtual_clock(Pace::real_time), wall_clock()}) {
+    WatchdogLimits bounds = limits();
+    bounds.dead_man = 250ms;
+    bounds.grace = 67ms;  // twelve of them
+    tripped_at = -1ms;
+    tripped.clear();
+    const Watchdog watchdog(control, *clock, bounds, actions());
+    clock->sleep_for(1ms);
+    energized = true;
+    began = Steady::now();
+    turn_sharing(*clock)->begin_alone();
+    be_stuck(10s, [&] { return tripped_at.load() >= 0ms; });
+    turn_sharing(*clock)->end_alone();
+    EXPECT_GE(tripped_at.load(), 800ms);
+    EXPECT_EQ(tripped.find("dead-man: the script has computed for "), 0u) << tripped;
+    clock->sleep_for(1ms);
+  }
 }
 
 TEST_F(StuckRun, IsNotTrippedOnTheVirtualClockWhereTimeStandsStillMeanwhile) {

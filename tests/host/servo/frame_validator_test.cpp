@@ -7,6 +7,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <utility>
+
 namespace vitreo {
 namespace {
 
@@ -102,6 +105,137 @@ TEST_F(FrameValidatorTest, AFrameThatTheCamerasOwnClockCallsOldIsPassedOverThoug
       },
       DeviceError)
       << "after a second of these the camera has failed";
+}
+
+TEST_F(FrameValidatorTest, StampsAndNumbersMustBothGoOn) {
+  using namespace std::chrono_literals;
+  clock_->sleep_for(10s);
+  const auto plausible = [&](std::uint64_t number, Time exposed) {
+    return validator_.plausible({{}, number, exposed, clock_->now()});
+  };
+  EXPECT_TRUE(plausible(5, 9900ms));
+  EXPECT_FALSE(plausible(6, 9900ms)) << "the same moment";
+  EXPECT_FALSE(plausible(6, 9890ms));
+  EXPECT_FALSE(plausible(5, 9950ms)) << "the same number";
+  EXPECT_FALSE(plausible(4, 9950ms));
+  EXPECT_TRUE(plausible(6, 9901ms)) << "what was refused is not remembered";
+  ASSERT_EQ(recorder_.events().size(), 1u) << "told once";
+  EXPECT_EQ(recorder_.events()[0].text,
+            "top_camera: a frame is passed over: its time stamps are out of order");
+  validator_.report_count();
+  ASSERT_EQ(recorder_.events().size(), 2u);
+  EXPECT_EQ(recorder_.events()[1].text,
+            "top_camera: 4 frames were passed over for their time stamps");
+}
+
+TEST_F(FrameValidatorTest, WithoutAFrameThatWasPassedOverNothingIsReported) {
+  validator_.report_count();
+  EXPECT_TRUE(recorder_.events().empty());
+}
+
+// 0.2 s: docs/reliability.md says how far off a robot is by then.
+TEST_F(FrameValidatorTest, AFrameMayBeAFifthOfASecondOldAndNoOlder) {
+  using namespace std::chrono_literals;
+  clock_->sleep_for(10s);
+  EXPECT_TRUE(validator_.plausible({{}, 1, 9800ms, 10s}));
+  clock_->sleep_for(20ms);
+  EXPECT_FALSE(validator_.plausible({{}, 2, 9819ms, 10020ms}));
+  EXPECT_NE(recorder_.events().at(0).text.find(" old: its clock is wrong"), std::string::npos);
+}
+
+// Also of a camera that begins with what cannot be believed, whenever it begins.
+TEST_F(FrameValidatorTest, AFifthOfASecondWithoutABelievableFrameIsAFault) {
+  using namespace std::chrono_literals;
+  clock_->sleep_for(10s);
+  FrameValidator validator(*clock_, recorder_, "top_camera");
+  std::uint64_t number = 0;
+  const auto old = [&] {
+    const Time now = clock_->now();
+    return validator.plausible({{}, ++number, now - 500ms, now});
+  };
+  const auto fails = [&] {
+    for (int i = 0; i < 10; ++i) {
+      EXPECT_FALSE(old()) << i;
+      clock_->sleep_for(20ms);
+    }
+    EXPECT_FALSE(old()) << "0.2 s since the last one";
+    clock_->sleep_for(1ms);
+    EXPECT_THROW(old(), DeviceError);
+  };
+  fails();
+  clock_->sleep_for(1s);
+  EXPECT_TRUE(validator.plausible({{}, ++number, clock_->now(), clock_->now()}));
+  fails();
+}
+
+TEST_F(FrameValidatorTest, APositionThatIsNoNumberCountsAsNotSeenAndIsToldOnce) {
+  using Position = std::optional<Eigen::Vector3d>;
+  const Position good(Eigen::Vector3d(1e-3, 0, 0));
+  const Position bad(Eigen::Vector3d(1e-3, std::nan(""), 0));
+  EXPECT_EQ(validator_.finite(good), good);
+  EXPECT_EQ(validator_.finite(std::nullopt), std::nullopt);
+  EXPECT_TRUE(recorder_.events().empty());
+  EXPECT_EQ(validator_.finite(bad), std::nullopt);
+  EXPECT_EQ(validator_.finite(bad), std::nullopt);
+  EXPECT_EQ(recorder_.events().size(), 1u);
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(refused(bad)) << "not seen is no standstill";
+}
+
+TEST_F(FrameValidatorTest, PlacesThatComeBackToTheBitEndTheLoopAndOthersDoNot) {
+  using Position = std::optional<Eigen::Vector3d>;
+  for (int k = 0; k < 40; ++k)
+    ASSERT_FALSE(refused(Position(Eigen::Vector3d(0, 0, 1e-9 * k)))) << k;
+  const auto alternating = [](int k) { return Position(Eigen::Vector3d(k % 2, 1, 0)); };
+  for (int k = 0; k < 7; ++k) ASSERT_FALSE(refused(alternating(k))) << k;
+  EXPECT_TRUE(refused(alternating(7)));
+}
+
+TEST_F(FrameValidatorTest, SixInARowAreARepetitionAndOnlyOfTheLastSixteen) {
+  const auto picture = [](int k) { return cv::Mat(2, 2, CV_32SC1, cv::Scalar(k)); };
+  for (int k = 0; k < 60; ++k) ASSERT_FALSE(refused(picture(k % 17))) << k << ": 17 apart";
+  FrameValidator validator(*clock_, recorder_, "top_camera");
+  const auto five_again = [&](int first) {
+    for (int k : {0, 1, 0, 1, 0, 1, 0}) EXPECT_NO_THROW(validator.must_change(picture(first + k)));
+  };
+  five_again(100);
+  five_again(200);  // its first two are new: the count begins again
+  EXPECT_THROW(validator.must_change(picture(201)), DeviceError);
+}
+
+// One bit anywhere, another shape or another type is another picture; also of one that is a part of
+// a larger one.
+TEST_F(FrameValidatorTest, OnlyWhatIsTheSameToTheLastBitStandsStill) {
+  const cv::Mat large(8, 9, CV_8UC3, cv::Scalar(7, 7, 7));
+  const auto part = [&large](int changed_row, int changed_column) {
+    cv::Mat copy = large.clone();
+    if (changed_row >= 0) copy.at<cv::Vec3b>(changed_row, changed_column)[2] ^= 1;
+    return copy(cv::Rect(1, 1, 7, 6));
+  };
+  EXPECT_FALSE(refused(part(-1, 0)));
+  EXPECT_FALSE(refused(part(-1, 0)));
+  for (const auto& [row, column] : {std::pair{1, 1}, {6, 7}, {1, 7}, {6, 1}})
+    EXPECT_FALSE(refused(part(row, column))) << row << " " << column;
+  FrameValidator validator(*clock_, recorder_, "top_camera");
+  const cv::Mat bytes(4, 6, CV_8UC1, cv::Scalar(7));
+  for (const cv::Mat& other : {bytes, bytes.reshape(1, 6), bytes, bytes.reshape(2, 4), bytes})
+    EXPECT_NO_THROW(validator.must_change(other.clone()));
+  EXPECT_FALSE(refused(part(0, 0))) << "a change outside of the part is none";
+  EXPECT_FALSE(refused(part(7, 8)));
+  EXPECT_TRUE(refused(part(-1, 0)));
+}
+
+TEST(ArrivalDelay, IsHeldAgainstTheLeastOfTheLastTenToTwentySeconds) {
+  using namespace std::chrono_literals;
+  ArrivalDelay delay;
+  EXPECT_EQ(delay.excess(30ms, 100s), 0ms);
+  EXPECT_EQ(delay.excess(50ms, 101s), 20ms);
+  EXPECT_EQ(delay.excess(-30ms, 102s), 0ms) << "the clocks' zeros are any";
+  EXPECT_EQ(delay.excess(50ms, 110s), 80ms);
+  EXPECT_EQ(delay.excess(50ms, 110s + 1ms), 80ms) << "of the ten seconds before";
+  EXPECT_EQ(delay.excess(60ms, 120s), 90ms);
+  EXPECT_EQ(delay.excess(60ms, 121s), 10ms) << "the least is twenty seconds old";
+  EXPECT_EQ(delay.excess(40ms, 122s), 0ms);
+  EXPECT_EQ(delay.excess(45ms, 123s), 5ms);
 }
 
 TEST_F(FrameValidatorTest, ACamerasClockMayDriftAsQuartzDoes) {

@@ -94,6 +94,92 @@ TEST(StampWatch, LetsACameraExposeWhenItLikes) {
   }
 }
 
+/// Two frames of one number: what the second one's stamp and arrival have moved by is exact.
+std::string second(Time stamp, Time arrival) {
+  StampWatch watch(to_seconds(kPeriod));
+  EXPECT_EQ(watch.fault({{}, 7, 1s, 2s}, 2s), "");
+  return watch.fault({{}, 7, 1s + stamp, 2s + arrival}, 3s);
+}
+
+// docs/reliability.md: a leap of more than 10 ms is told, by its size.
+TEST(StampWatch, LetsTenMillisecondsPassAndNoMore) {
+  EXPECT_EQ(second(10ms, 0ms), "");
+  EXPECT_EQ(second(-10ms, 0ms), "");
+  EXPECT_NE(second(10001us, 0ms), "");
+  EXPECT_NE(second(-10001us, 0ms), "");
+  EXPECT_NE(second(50ms, 0ms).find("moved by 50 ms"), std::string::npos) << second(50ms, 0ms);
+  EXPECT_NE(second(-50ms, 0ms).find("moved by -50 ms"), std::string::npos);
+}
+
+// Both must be beyond it: by the arrival and by the number.
+TEST(StampWatch, BelievesAStampThatIsNearItsNumberWhateverTheArrival) {
+  EXPECT_EQ(second(8ms, -7ms), "") << "15 ms by the arrival, 8 by the number";
+  EXPECT_EQ(second(-8ms, 7ms), "");
+}
+
+// Where arrivals are no nearer to the numbers than the stamps are, it is not known which is wrong.
+TEST(StampWatch, JudgesByArrivalsOnlyWhereTheyKeepToTheNumbers) {
+  EXPECT_EQ(second(50ms, -50ms), "") << "as far off";
+  EXPECT_NE(second(50ms, -49ms), "");
+  EXPECT_EQ(second(20ms, 35ms), "") << "it was exposed late and came later";
+}
+
+TEST(StampWatch, BelievesAStampUpToTheMomentOfItsArrival) {
+  StampWatch watch(to_seconds(kPeriod));
+  EXPECT_EQ(watch.fault({{}, 1, 5s, 5s}, 5s), "");
+}
+
+TEST(StampWatch, LetsACameraExposeWhenItLikesWithArrivalsThatJitter) {
+  StampWatch watch(to_seconds(kPeriod));
+  std::mt19937 random(3);
+  std::uniform_int_distribution<int> pause(15, 120), late(0, 9);
+  Time exposed{};
+  for (std::uint64_t number = 1; number < 500; ++number) {
+    exposed += std::chrono::milliseconds(pause(random));
+    const Time received = exposed + kLatency + std::chrono::milliseconds(late(random));
+    ASSERT_EQ(watch.fault({{}, number, exposed, received}, received), "") << number;
+  }
+}
+
+// That is another fault, told by the frame validator.
+TEST(StampWatch, DoesNotJudgeFramesThatAreOutOfOrder) {
+  Camera camera;
+  camera.number = 100;
+  camera.run(600);
+  const Time now = 700 * kPeriod + kLatency;
+  EXPECT_EQ(camera.watch.fault({{}, 7, 7 * kPeriod + 5s, now}, now), "") << "before the first";
+  EXPECT_EQ(camera.watch.fault({{}, 105, 105 * kPeriod, now}, now), "") << "before the anchor";
+  EXPECT_NE(camera.watch.fault({{}, 105, 105 * kPeriod + 40ms, 105 * kPeriod + kLatency}, now), "")
+      << "held against the first all the same";
+}
+
+// Held against some seconds ago, not against the first alone.
+TEST(StampWatch, TellsASlowDriftByTheSecondsBefore) {
+  for (const std::uint64_t begun : {0, 50'000}) {  // at once, and 1000 s after the clock's zero
+    for (const double rate : {1.5e-3, -1.5e-3, 4e-3}) {
+      Camera camera;
+      camera.number = begun;
+      double wrong = 0;
+      while (camera.next(from_seconds(wrong)).empty() && std::abs(wrong) < 0.1)
+        wrong += rate * to_seconds(kPeriod);
+      EXPECT_LT(std::abs(wrong), 13e-3) << rate << " from " << begun;
+    }
+  }
+}
+
+// Each second on, a quarter of a millisecond: nothing of that is a leap of the seconds before.
+TEST(StampWatch, TellsWhatDriftsBelowThatByTheFirstFrame) {
+  for (const std::uint64_t begun : {0, 50'000}) {
+    Camera camera;
+    camera.number = begun;
+    double wrong = 0;
+    while (camera.next(from_seconds(wrong)).empty() && wrong < 0.5)
+      wrong += 0.9e-3 * to_seconds(kPeriod);
+    // 30 ms + 0.5 ms/s t = 0.9 ms/s t at t = 75 s
+    EXPECT_NEAR(wrong, 67.5e-3, 1e-3) << begun;
+  }
+}
+
 TEST(StampWatch, OfAnUnknownPeriodJudgesTheFutureAlone) {
   StampWatch watch(0);
   EXPECT_EQ(watch.fault({{}, 1, 0ms, 80ms}, 80ms), "");

@@ -3,6 +3,7 @@
 #include "host/trials/soak_check.h"
 
 #include "host/trials/soak_patient.h"
+#include "host/trials/soak_script.h"
 
 #include <gtest/gtest.h>
 
@@ -157,6 +158,33 @@ TEST(SoakPlan, DrawsMachinesCoilsAndCamerasThatWereMoved) {
   EXPECT_GT(machines, 200);
   EXPECT_LT(machines, 300);
   EXPECT_GT(of_one_coil, 20);
+}
+
+TEST(SoakPlan, DrawsScriptsThatMisbehaveOnOtherMachinesOnly) {
+  const SimulatedRoles roles{{"coils", {true, false}}, {"top_camera", {}}, {"pose_sensor", {}}};
+  std::map<std::string, int> drawn;
+  for (std::uint64_t seed = 1; seed <= 1000; ++seed) {
+    const SoakPlan plan = draw_plan(seed, roles, 10);
+    if (plan.script.empty()) continue;
+    ++drawn[plan.script];
+    EXPECT_NE(plan.machine, 0U) << "the reference's machine is compared to the bit";
+    EXPECT_NE(to_string(plan).find("a script that " + plan.script), std::string::npos);
+  }
+  EXPECT_EQ(drawn.size(), misbehaviors().size());
+  for (const auto& [name, count] : drawn) EXPECT_GT(count, 3) << name;
+}
+
+TEST(SoakCheck, DemandsNoCertainOutcomeOfAScriptThatMisbehavesButATrueOne) {
+  SoakPlan plan;
+  plan.script = misbehaviors().front();
+  EXPECT_TRUE(
+      check_result(plan, {}, ended(Outcome::failed, ExitCode::script_error, "late")).empty());
+  EXPECT_TRUE(check_result(plan, {}, ended(Outcome::completed, ExitCode::completed, "")).empty());
+  plan.tier = StopTier::stop;
+  EXPECT_FALSE(
+      check_result(plan, {true, {}}, ended(Outcome::completed, ExitCode::completed, "")).empty())
+      << "a stop was swallowed";
+  EXPECT_FALSE(check_result(plan, {}, ended(Outcome::stopped, ExitCode::stopped, "by")).empty());
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include "host/engine/run_engine.h"
 #include "host/lua/engine/engine.h"
 #include "host/session/faults.h"
+#include "tests/host/lua/engine/written_run.h"
 #include "tests/host/rig/fake_rig.h"
 
 #include <gtest/gtest.h>
@@ -86,18 +87,7 @@ class FaultTest : public ::testing::Test {
  protected:
   Ending run(const std::string& rig, const std::string& body,
              const std::vector<std::string>& faults, Pace pace = Pace::as_fast_as_possible) {
-    const auto write = [this](const char* name, const std::string& text) {
-      std::ofstream(folder.path() / name) << text;
-      return (folder.path() / name).string();
-    };
-    RunRequest request;
-    request.what.protocol_file =
-        write("p.lua",
-              "local units = require 'units'\nlocal s, mm, ms = units.s, units.mm, units.ms\n"
-              "return { title = 'test', needs = { 'coils' }, run = function(rig, p, run)\n" +
-                  body + "\nend }");
-    request.where.rig_file = rig.starts_with("\n") ? write("rig.lua", rig) : rig;
-    request.where.out = (folder.path() / "runs").string();
+    RunRequest request = written_run(folder.path(), rig, body);
     request.how.faults = faults;
     request.how.pace = pace;
     Ending ending;
@@ -293,30 +283,17 @@ TEST_F(FaultTest, AScriptInjectsThemItself) {
   EXPECT_TRUE(ending.says("fault over: coils late")) << ending.events;
 }
 
-/// The whole chain at the pace of the wall clock: a script that computes and does not come back,
-/// energized coils, the watchdog's thread, the interlock.
+/// The whole chain at the pace of the wall clock: a task that has the turn and does not give it
+/// back, energized coils, the watchdog's thread, the interlock.
 TEST_F(FaultTest, AProgramThatDoesNotMoveLosesItsCoilsWhileItIsStillStuck) {
   using Steady = std::chrono::steady_clock;
-  struct Ear : SilentListener {
-    void message(const std::string& line) override {  // the alarm comes from the watchdog's thread
-      if (line == "in") in = Steady::now();
-      if (line == "out") out = Steady::now();
-    }
-    Steady::time_point in{}, out{};
-  } ear;
-  std::ofstream(folder.path() / "stuck.lua")
-      << "return { title = 't', needs = { 'coils' }, run = function(rig, p, run)\n"
-         "rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nprint('in')\nfor i = 1, 500000000 do "
-         "end\nprint('out')\n"
-         "rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nend }";
-  std::ofstream(folder.path() / "rig.lua") << kPoseRig;
   std::atomic<bool> done{false};
   std::thread watcher;
-  Steady::time_point zero{};
-  RunRequest request;
-  request.what.protocol_file = (folder.path() / "stuck.lua").string();
-  request.where.rig_file = (folder.path() / "rig.lua").string();
-  request.where.out = (folder.path() / "runs").string();
+  std::atomic<Steady::time_point> in{}, out{}, zero{};
+  RunRequest request =
+      written_run(folder.path(), kPoseRig,
+                  "rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nrun:wait(5)\n"
+                  "rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }");
   request.how.pace = Pace::real_time;
   request.how.companion = [&](Session& session) {
     watcher = std::thread([&, coils = session.rig.coils] {
@@ -324,20 +301,50 @@ TEST_F(FaultTest, AProgramThatDoesNotMoveLosesItsCoilsWhileItIsStillStuck) {
       while (!done && coils->energized()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
       zero = Steady::now();
     });
+    session.keep(
+        session.clock.spawn("stuck", [&, clock = &session.clock, coils = session.rig.coils] {
+          while (!coils->energized()) clock->sleep_for(std::chrono::milliseconds(5));
+          in = Steady::now();
+          while (Steady::now() - in.load() < std::chrono::milliseconds(1500)) continue;
+          out = Steady::now();
+        }));
   };
-  const RunResult result = run_protocol(*engine, request, ear, [&](const Recorder&, OpenRig&) {
+  const RunResult result = run_protocol(*engine, request, listener, [&](const Recorder&, OpenRig&) {
     done = true;
     watcher.join();
   });
   EXPECT_EQ(result.outcome, Outcome::aborted);
   EXPECT_NE(result.reason.find("dead-man: the host has not moved for"), std::string::npos)
       << result.reason;
-  EXPECT_LT(zero, ear.out) << "it was tripped only when the script came back";
+  EXPECT_LT(zero.load(), out.load()) << "it was tripped only when the task came back";
   const auto milliseconds = [&](auto span) {
     return std::chrono::duration<double, std::milli>(span).count();
   };
-  std::printf("stuck for %.0f ms; coils at zero after %.0f ms\n", milliseconds(ear.out - ear.in),
-              milliseconds(zero - ear.in));
+  std::printf("stuck for %.0f ms; coils at zero after %.0f ms\n",
+              milliseconds(out.load() - in.load()), milliseconds(zero.load() - in.load()));
+}
+
+/// Fits, walks through tables, sorts: a script may compute for long while the loop holds its robot.
+TEST_F(FaultTest, AScriptThatComputesForSecondsWhileItHoldsLosesNothing) {
+  const std::string script =
+      "local servo = rig:servo { feedback = 'pose_sensor' }\n"
+      "servo:hold { 0, 0, 0 }\nrig.sample:insert_robot { 0, 0, 0 }\n"
+      "servo:wait_until_tracked { timeout = 5*s }\nrun:wait(0.5*s)\n"
+      "local before, x = os.clock(), 0\n"
+      "repeat for i = 1, 100000 do x = x + i % 7 end until os.clock() - before > 1.5\n"
+      // Short calls of the host in a loop are no wait either.
+      "before = run:now()\nlocal most = 0\n"
+      "while run:now() - before < 0.7*s do\n"
+      "  for i = 1, 1000 do x = x + i % 7 end\n"
+      "  most = math.max(most, (servo:position() - { 0, 0, 0 }):norm())\nend\n"
+      "assert(most < 0.3*mm, most)\n"
+      "assert(servo:status().state == 'holding')\n"
+      "servo:go_to({ 0, 0, 0 }, { within = 0.1*mm, timeout = 2*s })";
+  const Ending ending = run(kPoseRig, script, {}, Pace::real_time);
+  EXPECT_EQ(ending.result.outcome, Outcome::completed) << ending.result.reason << "\n"
+                                                       << ending.events;
+  EXPECT_FALSE(ending.says("dead-man")) << ending.events;
+  EXPECT_LT(ending.volts, kZeroVolts);
 }
 
 /// At the pace of the wall clock, with four times as many threads that only compute as there are

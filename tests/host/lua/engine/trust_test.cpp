@@ -5,6 +5,7 @@
 #include "host/engine/run_engine.h"
 #include "host/lua/engine/engine.h"
 #include "host/session/faults.h"
+#include "tests/host/lua/engine/written_run.h"
 #include "tests/host/rig/fake_rig.h"
 
 #include <gtest/gtest.h>
@@ -94,20 +95,9 @@ void judge(Judged& judged, const Recorder& recorder) {
 
 class TrustTest : public testing::Test {
  protected:
-  Judged run(const std::string& rig, std::string body, const std::string& fault,
+  Judged run(const std::string& rig, const std::string& body, const std::string& fault,
              std::uint64_t seed = 1) {
-    const auto write = [this](const char* name, const std::string& text) {
-      std::ofstream(folder.path() / name) << text;
-      return (folder.path() / name).string();
-    };
-    RunRequest request;
-    request.what.protocol_file =
-        write("p.lua",
-              "local units = require 'units'\nlocal s, mm = units.s, units.mm\n"
-              "return { title = 'test', needs = { 'coils' }, run = function(rig, p, run)\n" +
-                  body + "\nend }");
-    request.where.rig_file = rig.starts_with("\n") ? write("rig.lua", rig) : rig;
-    request.where.out = (folder.path() / "runs").string();
+    RunRequest request = written_run(folder.path(), rig, body);
     request.how.seed = seed;
     if (!fault.empty()) request.how.faults = {fault};
     Judged judged;

@@ -1,0 +1,446 @@
+// Guardian, the host's side, against a double of its process: what is said, when, and in which
+// order with what goes to the outputs.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/time/error.h"
+#include "host/safety/guardian.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <signal.h>
+#include <span>
+#include <string>
+#include <sys/wait.h>
+#include <thread>
+#include <unistd.h>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+using namespace std::chrono_literals;
+using Steady = std::chrono::steady_clock;
+using Currents = std::vector<double>;
+
+struct Heard {
+  double time = 0;  // s
+  std::string text;
+};
+
+struct GuardianUnit : testing::Test {
+  void SetUp() override {
+    std::string name = (std::filesystem::temp_directory_path() / "guardian_XXXXXX").string();
+    folder = mkdtemp(name.data());
+    setenv("VITREO_GUARDIAN_HEARD", (folder / "heard").c_str(), 1);
+    mode("ready");
+  }
+  void TearDown() override { std::filesystem::remove_all(folder); }
+  static void mode(const char* word) { setenv("VITREO_GUARDIAN_MODE", word, 1); }
+  std::unique_ptr<Guardian> make() {
+    return std::make_unique<Guardian>(outputs, [this] { return healthy.load(); });
+  }
+  std::vector<Heard> heard() const {
+    std::vector<Heard> all;
+    std::ifstream file(folder / "heard");
+    Heard one;
+    while (file >> one.time && file.get() && std::getline(file, one.text)) all.push_back(one);
+    return all;
+  }
+  std::size_t count(const std::string& text) const {
+    const auto all = heard();
+    return static_cast<std::size_t>(
+        std::count_if(all.begin(), all.end(), [&](const Heard& one) { return one.text == text; }));
+  }
+  /// The messages in their order, without heartbeats.
+  std::string order() const {
+    std::string text;
+    for (const Heard& one : heard())
+      if (one.text.size() == 1 && one.text != "b") text += one.text;
+    return text;
+  }
+  bool hears(const std::string& text, std::size_t times = 1, std::chrono::seconds most = 5s) const {
+    for (const auto until = Steady::now() + most; Steady::now() < until;) {
+      if (count(text) >= times) return true;
+      std::this_thread::sleep_for(1ms);
+    }
+    return false;
+  }
+  static bool is_there(pid_t process) { return ::kill(process, 0) == 0; }
+
+  std::filesystem::path folder;
+  std::atomic<bool> healthy{true};
+  std::vector<guardian::Output> outputs{
+      {.driver = "usb3103", .address = "hid:09db:009c", .settings = {{"enable_line", 3}}},
+      {.driver = "kepco_bop", .address = "serial:/dev/a, serial:/dev/b"}};
+};
+
+TEST_F(GuardianUnit, GetsEveryOutputBeforeAnythingElseInASessionOfItsOwn) {
+  const auto guardian = make();
+  const auto all = heard();
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(all[0].text, "for " + std::to_string(getpid()) + " in a session");
+  EXPECT_EQ(all[1].text,
+            "Ousb3103\thid:09db:009c\tenable_line=3|kepco_bop\tserial:/dev/a, serial:/dev/b|");
+  EXPECT_TRUE(is_there(guardian->process()));
+  EXPECT_FALSE(guardian->shares_group());
+  EXPECT_FALSE(guardian->lost());
+}
+
+TEST_F(GuardianUnit, SaysWhetherItSharesTheHostsControlGroup) {
+  mode("shared");
+  EXPECT_TRUE(make()->shares_group());
+}
+
+TEST_F(GuardianUnit, ThatCannotGuardAnOutputIsRefusedInItsWords) {
+  mode("refuse");
+  try {
+    make();
+    FAIL();
+  } catch (const DeviceError& error) {
+    EXPECT_EQ(error.kind, DeviceErrorKind::refused);
+    EXPECT_NE(std::string(error.what()).find("a toaster cannot be brought to zero"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
+TEST_F(GuardianUnit, ThatDoesNotGetReadyIsWaitedForFiveSecondsAndNotStarted) {
+  for (const char* word : {"leaves", "mute"}) {
+    mode(word);
+    const auto began = Steady::now();
+    try {
+      make();
+      FAIL() << word;
+    } catch (const DeviceError& error) {
+      EXPECT_EQ(error.kind, DeviceErrorKind::refused);
+      EXPECT_NE(std::string(error.what()).find("it did not get ready"), std::string::npos);
+    }
+    const auto took = Steady::now() - began;
+    if (std::string(word) == "mute") {
+      EXPECT_GE(took, 4900ms);
+      EXPECT_LT(took, 13s) << "twice, where a scope of systemd's was tried first";
+    } else {
+      EXPECT_LT(took, 4s);
+    }
+  }
+}
+
+TEST_F(GuardianUnit, HearsHeartbeatsFromArmedToZeroAndNoLonger) {
+  const auto guardian = make();
+  std::this_thread::sleep_for(100ms);
+  EXPECT_EQ(count("b"), 0u) << "nothing is energized";
+  guardian->arm("coils");
+  ASSERT_TRUE(hears("a"));
+  ASSERT_TRUE(hears("b", 20));
+  std::vector<double> beats;
+  for (const Heard& one : heard())
+    if (one.text == "b") beats.push_back(one.time);
+  // One each 20 ms; a loaded machine makes single ones late, and the next gap short.
+  std::vector<double> gaps;
+  for (std::size_t i = 1; i < 20; ++i) gaps.push_back(beats[i] - beats[i - 1]);
+  std::sort(gaps.begin(), gaps.end());
+  EXPECT_GT(gaps[9], 0.018);
+  EXPECT_LT(gaps[5], 0.035);
+  guardian->disarm("coils");
+  ASSERT_TRUE(hears("d"));
+  const std::size_t before = count("b");
+  std::this_thread::sleep_for(150ms);
+  EXPECT_EQ(count("b"), before);
+  EXPECT_EQ(heard().back().text, "d") << "no beat follows the last zero";
+  EXPECT_EQ(order(), "ad");
+}
+
+TEST_F(GuardianUnit, IsArmedByTheFirstOutputAndDisarmedByTheLast) {
+  const auto guardian = make();
+  guardian->disarm("coils");
+  guardian->arm("coils");
+  guardian->arm("coils");
+  guardian->arm("lamp");
+  guardian->disarm("coils");
+  guardian->disarm("coils");
+  ASSERT_TRUE(hears("b", 3));
+  EXPECT_EQ(order(), "a") << "the lamp still shines";
+  guardian->disarm("pump");
+  guardian->disarm("lamp");
+  ASSERT_TRUE(hears("d"));
+  guardian->arm("lamp");
+  ASSERT_TRUE(hears("a", 2));
+  guardian->disarm("lamp");
+  ASSERT_TRUE(hears("d", 2));
+  EXPECT_EQ(order(), "adad");
+}
+
+TEST_F(GuardianUnit, HearsNothingFromAHostThatDoesNotMove) {
+  const auto guardian = make();
+  guardian->arm("coils");
+  ASSERT_TRUE(hears("b", 2));
+  healthy = false;
+  std::this_thread::sleep_for(60ms);
+  const std::size_t before = count("b");
+  std::this_thread::sleep_for(200ms);
+  EXPECT_EQ(count("b"), before);
+  healthy = true;
+  EXPECT_TRUE(hears("b", before + 3));
+}
+
+TEST_F(GuardianUnit, IsSentAwayAndWaitedForWhenAllIsAtZero) {
+  auto guardian = make();
+  const pid_t process = guardian->process();
+  guardian->arm("coils");
+  guardian->disarm("coils");
+  guardian.reset();
+  EXPECT_EQ(order(), "adq");
+  EXPECT_FALSE(is_there(process)) << "its end is seen";
+}
+
+TEST_F(GuardianUnit, IsLeftToItsWorkWhereSomethingMayStillBeEnergized) {
+  mode("lingers");
+  auto guardian = make();
+  const pid_t process = guardian->process();
+  guardian->arm("coils");
+  const auto began = Steady::now();
+  guardian.reset();
+  EXPECT_LT(Steady::now() - began, 600ms) << "it is not waited for";
+  EXPECT_TRUE(hears("x"));
+  EXPECT_EQ(order(), "ax");
+  ::waitpid(process, nullptr, 0);
+}
+
+TEST_F(GuardianUnit, ThatIsGoneIsMissedWithAndWithoutACurrent) {
+  for (const bool armed : {false, true}) {
+    const auto guardian = make();
+    if (armed) guardian->arm("coils");
+    EXPECT_FALSE(guardian->lost());
+    ::kill(guardian->process(), SIGKILL);
+    const auto began = Steady::now();
+    while (!guardian->lost() && Steady::now() - began < 5s) std::this_thread::sleep_for(1ms);
+    EXPECT_LT(Steady::now() - began, 1s) << armed;
+    try {
+      guardian->arm("lamp");
+      FAIL() << "a current without a guardian";
+    } catch (const DeviceError& error) {
+      EXPECT_EQ(error.kind, DeviceErrorKind::lost);
+    }
+    EXPECT_THROW(guardian->arm("coils"), DeviceError) << "armed before, and of no use now";
+  }
+}
+
+TEST_F(GuardianUnit, ThatIsFrozenForAMomentIsNotLost) {
+  const auto guardian = make();
+  guardian->arm("coils");
+  ::kill(guardian->process(), SIGSTOP);
+  std::this_thread::sleep_for(100ms);
+  EXPECT_FALSE(guardian->lost());
+  EXPECT_NO_THROW(guardian->arm("coils"));
+  ::kill(guardian->process(), SIGCONT);
+  EXPECT_TRUE(hears("b", 3)) << "what was said meanwhile is not lost";
+}
+
+/// Looks, at each set-point, at what the guardian has heard by then.
+class AskingCoils : public CoilAmplifier {
+ public:
+  explicit AskingCoils(GuardianUnit& test) : test_(test) {}
+  std::string identity() const override { return "asking"; }
+  int channels() const override { return 3; }
+  double current_limit() const override { return 7; }
+  void set_currents(std::span<const double> currents) override {
+    now.assign(currents.begin(), currents.end());
+    look();
+    if (gone) throw DeviceError(DeviceErrorKind::lost, "coils", "is gone");
+  }
+  Currents currents() const override { return now; }
+  std::optional<Currents> measured_currents() override { return Currents{1, 2, 3}; }
+  LinkState link_state() const override {
+    LinkState state;
+    state.owed = 5ms;
+    return state;
+  }
+  void make_safe() override {
+    look();
+    if (gone) throw DeviceError(DeviceErrorKind::lost, "coils", "is gone");
+    ++made_safe;
+  }
+  Currents now;
+  bool gone = false;
+  int made_safe = 0;
+  std::string by_then;
+
+ private:
+  // What has been sent is heard within this.
+  void look() {
+    std::this_thread::sleep_for(100ms);
+    by_then = test_.order();
+  }
+  GuardianUnit& test_;
+};
+
+TEST_F(GuardianUnit, IsArmedBeforeACurrentAndDisarmedAfterTheZero) {
+  const auto guardian = make();
+  AskingCoils amplifier(*this);
+  const auto coils = guarded(amplifier, *guardian);
+  coils->set_currents(Currents{0, 0, 0});
+  EXPECT_EQ(amplifier.by_then, "");
+  coils->set_currents(Currents{0, 0, -1});
+  EXPECT_EQ(amplifier.by_then, "a") << "before it flowed";
+  EXPECT_EQ(amplifier.now, (Currents{0, 0, -1}));
+  coils->set_currents(Currents{1, 0, 0});
+  coils->set_currents(Currents{0, 0, 0});
+  EXPECT_EQ(amplifier.by_then, "a") << "still armed while the zero was on its way";
+  EXPECT_TRUE(hears("d"));
+  coils->set_currents(Currents{1, 1, 1});
+  EXPECT_EQ(amplifier.by_then, "ada");
+  coils->make_safe();
+  EXPECT_EQ(amplifier.by_then, "ada");
+  EXPECT_EQ(amplifier.made_safe, 1);
+  EXPECT_TRUE(hears("d", 2));
+  EXPECT_EQ(coils->identity(), "asking");
+  EXPECT_EQ(coils->channels(), 3);
+  EXPECT_EQ(coils->current_limit(), 7);
+  EXPECT_EQ(coils->currents(), (Currents{1, 1, 1}));
+  EXPECT_EQ(coils->measured_currents(), (Currents{1, 2, 3}));
+  EXPECT_EQ(coils->link_state().owed, 5ms);
+  EXPECT_EQ(coils->enable_line(), nullptr);
+}
+
+TEST_F(GuardianUnit, StaysArmedWhereTheZeroWasNotTaken) {
+  const auto guardian = make();
+  AskingCoils amplifier(*this);
+  const auto coils = guarded(amplifier, *guardian);
+  coils->set_currents(Currents{1, 1, 1});
+  amplifier.gone = true;
+  EXPECT_THROW(coils->set_currents(Currents{0, 0, 0}), DeviceError);
+  EXPECT_THROW(coils->make_safe(), DeviceError);
+  std::this_thread::sleep_for(50ms);
+  EXPECT_EQ(order(), "a");
+  amplifier.gone = false;
+  coils->make_safe();
+  EXPECT_TRUE(hears("d"));
+}
+
+TEST_F(GuardianUnit, ThatIsGoneLetsNoCurrentThroughButAZero) {
+  const auto guardian = make();
+  AskingCoils amplifier(*this);
+  const auto coils = guarded(amplifier, *guardian);
+  ::kill(guardian->process(), SIGKILL);
+  const auto began = Steady::now();
+  while (!guardian->lost() && Steady::now() - began < 5s) std::this_thread::sleep_for(1ms);
+  EXPECT_THROW(coils->set_currents(Currents{1, 0, 0}), DeviceError);
+  EXPECT_TRUE(amplifier.now.empty()) << "it never reached the amplifier";
+  coils->set_currents(Currents{0, 0, 0});
+  EXPECT_EQ(amplifier.now, (Currents{0, 0, 0}));
+  coils->make_safe();
+  EXPECT_EQ(amplifier.made_safe, 1);
+}
+
+class AskingLamp : public Lamp {
+ public:
+  explicit AskingLamp(GuardianUnit& test) : test_(test) {}
+  std::string identity() const override { return "a lamp"; }
+  void set_level(double level) override {
+    std::this_thread::sleep_for(50ms);
+    by_then = test_.order();
+    level_ = level;
+  }
+  double level() const override { return level_; }
+  void ask() override { ++asked; }
+  void make_safe() override { set_level(0); }
+  LinkState link_state() const override {
+    LinkState state;
+    state.owed = 7ms;
+    return state;
+  }
+  std::string by_then;
+  int asked = 0;
+
+ private:
+  GuardianUnit& test_;
+  double level_ = 0;
+};
+
+TEST_F(GuardianUnit, IsArmedBeforeALightAndDisarmedInTheDark) {
+  const auto guardian = make();
+  AskingLamp bulb(*this);
+  const auto lamp = guarded(bulb, *guardian);
+  lamp->set_level(0);
+  EXPECT_EQ(bulb.by_then, "");
+  lamp->set_level(0.5);
+  EXPECT_EQ(bulb.by_then, "a");
+  EXPECT_EQ(lamp->level(), 0.5);
+  lamp->set_level(0);
+  EXPECT_EQ(bulb.by_then, "a");
+  EXPECT_TRUE(hears("d"));
+  lamp->set_level(1);
+  lamp->make_safe();
+  EXPECT_EQ(bulb.by_then, "ada");
+  EXPECT_EQ(bulb.level(), 0);
+  EXPECT_TRUE(hears("d", 2));
+  lamp->ask();
+  EXPECT_EQ(bulb.asked, 1);
+  EXPECT_EQ(lamp->identity(), "a lamp");
+  EXPECT_EQ(lamp->link_state().owed, 7ms);
+  EXPECT_EQ(lamp->enable_line(), nullptr);
+}
+
+class AskingPump : public Instrument {
+ public:
+  explicit AskingPump(GuardianUnit& test) : test_(test) { info_.kind = "pump"; }
+  const InstrumentInfo& info() const override { return info_; }
+  QuantitySample read(std::size_t index, Time) override {
+    return {.quantity = index, .value = 4.0};
+  }
+  void set(std::size_t index, const QuantityValue&) override {
+    act("set " + std::to_string(index));
+  }
+  void command(std::size_t index, const std::vector<QuantityValue>&) override {
+    act("command " + std::to_string(index));
+  }
+  Latest latest(std::size_t) const override { return {.fault = "none yet"}; }
+  void on_poll(PollListener listener) override { listener(9, {}); }
+  void make_safe() override { act("make_safe"); }
+  std::string did, by_then;
+
+ private:
+  void act(const std::string& what) {
+    std::this_thread::sleep_for(50ms);
+    did = what;
+    by_then = test_.order();
+  }
+  GuardianUnit& test_;
+  InstrumentInfo info_;
+};
+
+TEST_F(GuardianUnit, IsArmedBeforeAFreeInstrumentIsSetOrCommandedUntilItIsSafe) {
+  const auto guardian = make();
+  AskingPump machine(*this);
+  const auto pump = guarded(machine, *guardian, "pump");
+  EXPECT_EQ(pump->read(2, 1s).quantity, 2u);
+  EXPECT_EQ(pump->latest(0).fault, "none yet");
+  std::size_t polled = 0;
+  pump->on_poll([&](std::size_t index, const Instrument::Latest&) { polled = index; });
+  EXPECT_EQ(polled, 9u);
+  EXPECT_EQ(pump->info().kind, "pump");
+  EXPECT_EQ(order(), "") << "to read energizes nothing";
+  for (int i = 0; i < 2; ++i) {
+    if (i == 0)
+      pump->set(1, 0.0);
+    else
+      pump->command(3, {});
+    EXPECT_EQ(machine.did, i == 0 ? "set 1" : "command 3");
+    EXPECT_EQ(machine.by_then, i == 0 ? "a" : "ada");
+    pump->make_safe();
+    EXPECT_EQ(machine.did, "make_safe");
+    EXPECT_EQ(machine.by_then, i == 0 ? "a" : "ada");
+    EXPECT_TRUE(hears("d", static_cast<std::size_t>(i + 1)));
+  }
+}
+
+}  // namespace
+}  // namespace vitreo
