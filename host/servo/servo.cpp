@@ -7,6 +7,7 @@
 #include "host/servo/observation_source.h"
 #include "host/servo/plant_watch.h"
 #include "host/servo/rotating_drive.h"
+#include "host/servo/servo_cameras.h"
 #include "host/servo/servo_record.h"
 #include "host/servo/visibility.h"
 #include "host/servo/wall_watch.h"
@@ -97,6 +98,10 @@ const char* source_of(Feedback feedback) {
       return "top camera through the eye and side camera";
     case Feedback::pose_sensor:
       return "pose sensor: the simulator's truth, late and noisy";
+    case Feedback::color:
+      return "top camera through the eye, by colors and shape";
+    case Feedback::color_and_background:
+      return "top camera through the eye, by colors and shape or by the background";
   }
   return "?";
 }
@@ -462,13 +467,27 @@ struct Servo::Loop {
   void send(const control::Currents& wanted) {
     const std::vector<double> sent =
         rig.coils->reachable({wanted.data(), static_cast<std::size_t>(wanted.size())});
-    report_nearness(
-        Eigen::Map<const Eigen::VectorXd>(sent.data(), static_cast<Eigen::Index>(sent.size())));
+    const Eigen::Map<const Eigen::VectorXd> currents(sent.data(),
+                                                     static_cast<Eigen::Index>(sent.size()));
+    report_nearness(currents);
+    expect_motion(currents);
     rig.coils->set_currents(sent);
+  }
+
+  /// Where these currents take the robot, by the model, weight included.
+  void expect_motion(const control::Currents& currents) {
+    if (status.position) expected_at = *status.position;
+    if (!source.gated() || !expected_at) return;
+    const RigModel& model = rig.model;
+    const Eigen::Vector3d force = control::force_at(
+        model.field, model.robot, model.medium, currents, model.field.nearest_valid(*expected_at));
+    source.expect_motion(to_seconds(clock.now()) + model.command_delay,
+                         controller.drag_at(*expected_at).inverse() * force);
   }
 
   void switch_off() {
     if (rotating) rotating->stop();
+    expect_motion(control::Currents::Zero(rig.model.field.coils()));
     rig.coils->set_currents(
         std::vector<double>(static_cast<std::size_t>(rig.coils->channels()), 0.0));
   }
@@ -612,8 +631,9 @@ struct Servo::Loop {
     bool begun = false;
     bool over = true;
   } fall;
-  Time taken_at{};        // when a measurement was last taken
-  std::string not_taken;  // why the last one was not
+  Time taken_at{};                             // when a measurement was last taken
+  std::string not_taken;                       // why the last one was not
+  std::optional<Eigen::Vector3d> expected_at;  // m, world: where the robot was seen last
   ServoStatus status;
   Signal ticked;
   std::deque<std::pair<double, Eigen::Vector3d>> corrections;  // s, m/s
