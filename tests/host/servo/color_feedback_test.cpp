@@ -96,12 +96,16 @@ Round color_square(const Scenery& scenery, Feedback feedback, std::uint64_t seed
 // m: a measurement that is farther off is of something else than the robot.
 constexpr double kWrong = 0.6e-3;
 
-TEST(ColorFeedback, ItGoesRoundBeforeAPhotograph) {
-  const Round round = color_square({}, Feedback::color);
-  EXPECT_EQ(round.state, "holding");
-  EXPECT_LT(round.path, 0.35e-3) << "of one camera, whose depth is the worst known";
-  EXPECT_LT(round.worst, kWrong);
-  EXPECT_EQ(round.unseen, 0);
+TEST(ColorFeedback, ADriftingPhotographIsAsGoodAsAStillOne) {
+  const Round still = color_square({}, Feedback::color);
+  const Round drifting = color_square({.drift = 1e-3}, Feedback::color);
+  EXPECT_LT(still.path, 0.35e-3) << "of one camera, whose depth is the worst known";
+  EXPECT_LT(drifting.path, 1.3 * still.path);
+  for (const Round& round : {still, drifting}) {
+    EXPECT_EQ(round.state, "holding");
+    EXPECT_LT(round.worst, kWrong);
+    EXPECT_EQ(round.unseen, 0);
+  }
 }
 
 TEST(ColorFeedback, NothingIsSteeredByWithoutARobot) {
