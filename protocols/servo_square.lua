@@ -1,9 +1,11 @@
 -- Servos the robot round a rectangle in the vertical plane of the side camera, measured by the top camera alone (thesis 6.2,
 -- figure 6.5), and reports the path error. In an eye with unknown parameters (eye=perturbed) the view is calibrated first, by
--- one observation of the robot on the known retina; eyes=20 repeats it in as many eyes, each under another machine.
+-- one observation of the robot on the known retina; eyes=20 repeats it in as many eyes, each under another machine. With
+-- feedback=color the robot is seen by its colors and shape, before a ground that may move (rig drifting_eye).
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local bring = require "session.preparation"
+local color_feedback = require "session.color_feedback"
 local eyes = require "session.eyes"
 local expect = require "analysis.expectations"
 local paths = require "paths"
@@ -15,13 +17,13 @@ local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 -- 0.3 mm up: at the lower corners the body then keeps the margin from the retina, with all that one view leaves in doubt.
 local center = vector(0, 0, 0.3 * mm)
 
--- Once round in one eye; when. `shown`: with pictures.
-local function round(rig, run, p, truth, shown)
+-- Once round in one eye; when. `sight`: color_feedback.options. `shown`: with pictures.
+local function round(rig, run, p, truth, shown, sight)
   local square = paths.rectangle { width = p.width, depth = p.depth, center = center, laps = p.laps }
   local axis = p.orientation == "z" and vector(0, 0, 1) or vector(1, 0, 0)
   run:progress(0, "learning the empty scene")
   rig.sample:remove_robot()
-  local background = rig:learn_background { frames = 15 }
+  local background = rig:learn_background { frames = 15 } -- feedback by color alone does not look at it
   local calibrates = p.calibrate == "yes" or (p.calibrate == "auto" and p.eye == "perturbed")
   local attitude = p.attitude == "auto" and (calibrates and "estimated" or "taken") or p.attitude
   local doubt = bring.axis_uncertainty(attitude)
@@ -40,6 +42,8 @@ local function round(rig, run, p, truth, shown)
   run:progress(0.02, "bringing the robot in")
   local servo <close> = rig:servo {
     background = background,
+    feedback = sight.feedback,
+    model = sight.model,
     law = p.law,
     field = p.field,
     axis = axis,
@@ -172,7 +176,7 @@ end
 return {
   title = "Servo round a square",
   needs = { "top_camera", "coils", "sample" },
-  parameters = {
+  parameters = color_feedback.add_parameters {
     width = { unit = "mm", default = 8 * mm, min = 1 * mm, max = 9 * mm, help = "along x" },
     depth = { unit = "mm", default = 6 * mm, min = 1 * mm, max = 7 * mm, help = "along the eye's axis" },
     speed = { unit = "mm/s", default = 0.5 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "along the path" },
@@ -202,9 +206,10 @@ return {
   },
   run = function(rig, p, run)
     local book = expect.book(run, "figure 6.5")
+    local sight = color_feedback.options(rig, run, p)
     local function eye(number) return p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw + number - 1) or nil end
     if p.eyes == 1 or p.eye == "nominal" or not rig.simulation then
-      local errors = judge.path(run, round(rig, run, p, eye(1), true))
+      local errors = judge.path(run, round(rig, run, p, eye(1), true, sight))
       expected(book, p, errors.path, errors.localization)
       return book:close()
     end
@@ -212,7 +217,7 @@ return {
     for number in run:each(p.eyes, "eye") do
       local truth = eye(number)
       rig.simulation:sample_machine(p.draw + number - 2)
-      local went, span = pcall(round, rig, run, p, truth, #found == 0)
+      local went, span = pcall(round, rig, run, p, truth, #found == 0, sight)
       if went then
         local errors = judge.measure(run, span)
         found[#found + 1] = { eye = p.draw + number - 1, path = errors.path, localization = errors.localization }

@@ -23,6 +23,11 @@ constexpr double kJudgedRim = 0.45;
 constexpr double kRough = 4.0;
 constexpr double kSure = 0.8;
 constexpr double kCenterSigma = 5.0;  // px, of the predicted center
+// A look by which the light may be learnt: least shares of the rim and of colors for it, and the
+// largest of colors against it.
+constexpr double kSureRim = 0.75;
+constexpr double kSureSupport = 0.6;
+constexpr double kSureAgainst = 0.1;
 
 bool within_share(double value, double mean, double share) {
   return std::abs(value - mean) <= share * mean;
@@ -65,6 +70,11 @@ void ColorTrackerSettings::check() const {
 // All that changes from frame to frame is in TrackMemory, so that a frame can be undone by
 // restoring it (MultiTracker).
 struct ColorTracker::State : TrackMemory {
+  // A look with what it is worth, for which the memory is asked once.
+  struct Judged {
+    Observation seen;
+    LookWorth worth;
+  };
   State(ObjectModel learnt, const ColorTrackerSettings& chosen)
       : model(std::move(learnt)),
         settings(chosen),
@@ -74,6 +84,7 @@ struct ColorTracker::State : TrackMemory {
   Ellipse expected() const;
   bool near_expected(const cv::Mat& image, const Owned& owned, Track& track);
   bool anywhere(const cv::Mat& image, const Owned& owned, Track& track);
+  void search_in(const LogColor& gains, const cv::Mat& image, const Owned& owned);
   bool good(const Observation& seen, const Ellipse& start, const Eigen::Vector2d& axes, double jump,
             double inliers) const;
   LookWorth worth_of(const Observation& seen) const;
@@ -81,18 +92,24 @@ struct ColorTracker::State : TrackMemory {
                Observation& seen);
   void follow(const Ellipse& e, double inliers);
   void find(const cv::Mat& image, const Observation& seen);
-  void confirm(const cv::Mat& image, const Observation& seen, Track& track);
-  bool moved(const cv::Mat& image, const Observation& seen) const;
+  void confirm(const cv::Mat& image, const Judged& look, Track& track);
+  bool moved(const cv::Mat& image, const Judged& look) const;
   void drop_candidate();
   bool in_image(const Ellipse& e) const;
-  void report(const Observation& seen, Track& track);
-  EllipseMeasurement calibrated(const Observation& seen) const;
+  void report(const cv::Mat& image, const Judged& look, Track& track);
+  EllipseMeasurement calibrated(const Judged& look) const;
+  void learn_light(const cv::Mat& image, const Judged& look);
+  void not_seen();
 
   ObjectModel model;
   ColorTrackerSettings settings;
   ObjectView view;
   ObjectSearch search;
-  void not_seen();
+  struct {
+    std::optional<Judged> best;
+    LogColor gains = LogColor::Zero();
+    double second = 0;  // likeness of the next best, elsewhere
+  } pick;               // of one image's search
 };
 
 // The center decides: an object half out of the image is still tracked by the rim that is left.
@@ -146,17 +163,16 @@ LookWorth ColorTracker::State::worth_of(const Observation& seen) const {
 // the scatter along the rim does not contain; then the factors by which looks like this one erred
 // more than they claimed.
 // Axes keep their order, as covariance and pose depend on which is which.
-EllipseMeasurement ColorTracker::State::calibrated(const Observation& seen) const {
+EllipseMeasurement ColorTracker::State::calibrated(const Judged& look) const {
   const Calibration& calibration = settings.view.refine ? model.rim : model.segment;
-  const EllipseMeasurement& raw = *seen.measured;
+  const EllipseMeasurement& raw = *look.seen.measured;
   EllipseMeasurement result = raw;
   result.ellipse.semi_major_px -= calibration.semi_axes_px.x();
   result.ellipse.semi_minor_px = std::min(raw.ellipse.semi_minor_px - calibration.semi_axes_px.y(),
                                           result.ellipse.semi_major_px);
-  const LookWorth worth = worth_of(seen);
   Eigen::Matrix<double, 5, 1> scale;
-  scale << Eigen::Vector2d::Constant(std::sqrt(worth.center)),
-      Eigen::Vector3d::Constant(std::sqrt(worth.shape));
+  scale << Eigen::Vector2d::Constant(std::sqrt(look.worth.center)),
+      Eigen::Vector3d::Constant(std::sqrt(look.worth.shape));
   result.covariance =
       scale.asDiagonal() * (raw.covariance + calibration.covariance) * scale.asDiagonal();
   return result;
@@ -190,35 +206,47 @@ void ColorTracker::State::find(const cv::Mat& image, const Observation& seen) {
   found_ground = GroundRing(image, e);
 }
 
-void ColorTracker::State::report(const Observation& seen, Track& track) {
+void ColorTracker::State::report(const cv::Mat& image, const Judged& look, Track& track) {
   believed = last;
   agreed = 0;
   state = TrackState::tracking;
-  track.measured = calibrated(seen);
-  track.support = seen.support;
-  track.area_px = seen.segment.area_px;
-  track.iterations = seen.iterations;
+  track.measured = calibrated(look);
+  track.support = look.seen.support;
+  track.area_px = look.seen.segment.area_px;
+  track.iterations = look.seen.iterations;
+  learn_light(image, look);
+}
+
+// Only of a whole rim around the object's colors: what hides a part of it, or lies over it, has a
+// light of its own.
+void ColorTracker::State::learn_light(const cv::Mat& image, const Judged& look) {
+  const Observation& seen = look.seen;
+  if (!settings.adapt || !settings.view.refine) return;
+  if (seen.measured->inlier_fraction < kSureRim || seen.support < kSureSupport ||
+      seen.against > kSureAgainst)
+    return;
+  light.seen(model.light, image, seen.measured->ellipse);
 }
 
 // Against the ground: what stands still on a ground that stands still, or moves with one that
 // moves, may be a part of it.
-bool ColorTracker::State::moved(const cv::Mat& image, const Observation& seen) const {
-  const double sigma = std::sqrt(calibrated(seen).covariance.topLeftCorner<2, 2>().trace() / 2);
-  const double way = (seen.measured->ellipse.center_px - found_px).norm();
+bool ColorTracker::State::moved(const cv::Mat& image, const Judged& look) const {
+  const double sigma = std::sqrt(calibrated(look).covariance.topLeftCorner<2, 2>().trace() / 2);
+  const double way = (look.seen.measured->ellipse.center_px - found_px).norm();
   return way > std::max(settings.moved_px, 4 * sigma) &&
-         !found_ground.same_ground(GroundRing(image, seen.measured->ellipse));
+         !found_ground.same_ground(GroundRing(image, look.seen.measured->ellipse));
 }
 
 // One more frame agrees with a new find. It is believed when enough do, and, of a ground that the
 // audit saw taken for the object, when nothing else is nearly as like it, or it moves as no part of
 // the ground does.
-void ColorTracker::State::confirm(const cv::Mat& image, const Observation& seen, Track& track) {
+void ColorTracker::State::confirm(const cv::Mat& image, const Judged& look, Track& track) {
   ++agreed;
-  margin = std::min(margin, worth_of(seen).likeness - model.audit.most_likeness);
+  margin = std::min(margin, look.worth.likeness - model.audit.most_likeness);
   track.margin = margin;
   const bool sure = model.audit.answered == 0 || margin > settings.sure_margin;
-  if (agreed >= settings.confirm_frames && (sure || moved(image, seen)))
-    report(seen, track);
+  if (agreed >= settings.confirm_frames && (sure || moved(image, look)))
+    report(image, look, track);
   else
     track.candidate = last;
 }
@@ -247,16 +275,17 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
                            settings.view.angle_sigma + 0.03 * unseen};
   // A vessel may have led the front astray: then the rim is searched at the prediction instead.
   for (const bool from_front : {true, false}) {
-    const Observation seen =
-        view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
-    if (!good(seen, start, axes_px, settings.jump_px + more, settings.min_inliers)) continue;
-    track.likeness = worth_of(seen).likeness;
+    Judged look{view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front),
+                {}};
+    if (!good(look.seen, start, axes_px, settings.jump_px + more, settings.min_inliers)) continue;
+    look.worth = worth_of(look.seen);
+    track.likeness = look.worth.likeness;
     if (track.likeness < likeness) continue;
-    follow(seen.measured->ellipse, seen.measured->inlier_fraction);
+    follow(look.seen.measured->ellipse, look.seen.measured->inlier_fraction);
     if (is_candidate)
-      confirm(image, seen, track);
+      confirm(image, look, track);
     else
-      report(seen, track);
+      report(image, look, track);
     return true;
   }
   return false;
@@ -283,37 +312,60 @@ bool ColorTracker::State::look_at(const cv::Mat& image, const Owned& owned, Elli
   return good(seen, start, axes, settings.jump_px, settings.min_inliers_new);
 }
 
-// Re-detection: all candidates of the search are measured; the one most like the object in training
-// is the find, and by how much it is more so than the second is its margin.
-bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
+// All candidates of the search under one guess of the light; the best of all guesses stays. Two
+// looks at one body, by two guesses, are one candidate.
+void ColorTracker::State::search_in(const LogColor& gains, const cv::Mat& image,
+                                    const Owned& owned) {
   const Eigen::Vector2d middle(image.cols / 2.0, image.rows / 2.0);
   const bool known = state != TrackState::searching;
   const Eigen::Vector2d axes =
       known ? axes_px
             : Eigen::Vector2d(model.semi_axes_px +
                               (settings.view.refine ? model.rim : model.segment).semi_axes_px);
-  std::optional<Observation> best;
-  double best_likeness = 0;
-  double second = model.audit.most_likeness;
+  search.set_light(gains);
+  view.set_light(gains);
   for (const Ellipse& start : search.find(image, model.color, known ? last.center_px : middle,
                                           settings.candidates, owned.map, owned.self)) {
-    Observation seen;
-    if (!look_at(image, owned, start, axes, seen)) continue;
-    const double likeness = worth_of(seen).likeness;
-    track.likeness = best ? std::max(track.likeness, likeness) : likeness;
-    if (best && likeness <= best_likeness) {
-      second = std::max(second, likeness);
+    Judged look;
+    if (!look_at(image, owned, start, axes, look.seen)) continue;
+    look.worth = worth_of(look.seen);
+    const double likeness = look.worth.likeness;
+    if (!pick.best) {
+      pick.best = look;
+      pick.gains = gains;
       continue;
     }
-    if (best) second = std::max(second, best_likeness);
-    best = seen;
-    best_likeness = likeness;
+    const double of_best = pick.best->worth.likeness;
+    const bool same =
+        (look.seen.measured->ellipse.center_px - pick.best->seen.measured->ellipse.center_px)
+            .norm() < model.semi_axes_px.y();
+    if (!same) pick.second = std::max(pick.second, std::min(likeness, of_best));
+    if (likeness <= of_best) continue;
+    pick.best = look;
+    pick.gains = gains;
   }
-  if (!best || best_likeness < settings.min_likeness_new) return false;
-  find(image, *best);
-  margin = best_likeness - second;
+}
+
+// Re-detection, in the light as it was and, where that finds nothing like the object, in those that
+// it may be; the candidate most like the object in training is the find, and by how much it is more
+// so than the second is its margin.
+bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
+  pick.best.reset();
+  pick.second = model.audit.most_likeness;
+  const LightMemory::Guesses guesses = light.guesses(model.light);
+  const std::size_t count = settings.adapt ? guesses.count : 1;
+  for (std::size_t k = 0; k < count; ++k) {
+    search_in(guesses.gains[k], image, owned);
+    if (pick.best && pick.best->worth.likeness >= settings.min_likeness_new) break;
+  }
+  if (!pick.best) return false;
+  track.likeness = pick.best->worth.likeness;
+  if (track.likeness < settings.min_likeness_new) return false;
+  light.take(pick.gains);
+  find(image, pick.best->seen);
+  margin = pick.best->worth.likeness - pick.second;
   agreed = 0;
-  confirm(image, *best, track);
+  confirm(image, *pick.best, track);
   return true;
 }
 
@@ -381,10 +433,10 @@ Track ColorTracker::miss() {
   return track;
 }
 
-// State machine: near the prediction while tracking or coasting; the frame in which coasting ends
-// is searched as a whole already.
-// Throws std::invalid_argument for another type or size. The measurement is present only while
-// tracking; a prediction is never returned as a measurement.
+// The light first. State machine: near the prediction while tracking or coasting; the frame in
+// which coasting ends is searched as a whole already. Throws std::invalid_argument for another type
+// or size. The measurement is present only while tracking; a prediction is never returned as a
+// measurement.
 Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   State& s = *state_;
   require(image.type() == CV_8UC3, "image: must be 8-bit color (BGR)");
@@ -393,6 +445,9 @@ Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
           "owned: must be 8-bit gray of the image's size");
   Track track;
   track.self_measured = s.settings.view.refine;
+  if (s.settings.adapt) s.light.next(s.model.light, image);
+  track.light = s.light.gains();
+  s.view.set_light(track.light);
   const bool followed = s.state == TrackState::tracking || s.state == TrackState::coasting;
   bool found = (followed || s.agreed > 0) && s.near_expected(image, owned, track);
   if (!found) s.drop_candidate();

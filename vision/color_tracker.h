@@ -5,6 +5,7 @@
 
 #include "vision/ellipse.h"
 #include "vision/ground_ring.h"
+#include "vision/light.h"
 #include "vision/object_model.h"
 #include "vision/object_view.h"
 
@@ -42,7 +43,9 @@ struct ColorTrackerSettings {
   /// what the audit took for it; else, where the audit took anything, it must move.
   double sure_margin = 2.0;
   double moved_px = 5;  ///< against the ground, and four of its standard deviations
-  void check() const;   ///< throws std::invalid_argument naming the setting
+  /// Follow light and white balance by what ground and object show of them.
+  bool adapt = true;
+  void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
 /// Motion state of a tracker: enough to undo a frame.
@@ -58,6 +61,7 @@ struct TrackMemory {
   Eigen::Vector2d found_px{0, 0};     ///< where it was found
   GroundRing found_ground;            ///< and the ground around it then
   double margin = 0;                  ///< least of its frames, as Track::margin
+  LightMemory light;                  ///< against that of the training
 };
 
 struct Track {
@@ -79,6 +83,7 @@ struct Track {
   bool self_measured = false;
   double area_px = 0;  ///< of the level set's largest part
   int iterations = 0;
+  LogColor light = LogColor::Zero();  ///< gains of blue, green, red that the look reckoned with
 };
 
 class ColorTracker {

@@ -121,7 +121,7 @@ void smear(cv::Mat& image, int length, cv::RNG& random) {
 
 // Factors of blue, green and red: light, then casts.
 constexpr std::array<std::array<double, 3>, 6> kLights{{{0.5, 0.5, 0.5},
-                                                        {0.7, 0.7, 0.7},
+                                                        {0.25, 0.25, 0.25},
                                                         {1.3, 1.3, 1.3},
                                                         {1.6, 1.6, 1.6},
                                                         {1.15, 1, 0.88},
@@ -144,7 +144,9 @@ static_assert(kFirstReflex + 2 == kDisturbances);
 
 }  // namespace
 
-// The kinds in the order of issue 22's list: light, cast, compression, defocus, smear, noise,
+bool is_light(int kind) { return kind >= kFirstLight && kind <= kSlope; }
+
+// The kinds in the order: light, cast, compression, defocus, smear, noise,
 // cover, glare. A disturbed camera still has its noise.
 cv::Mat disturbed(const cv::Mat& image, const Ellipse& object, int kind, std::uint64_t seed) {
   cv::RNG random(seed * 0x9e3779b97f4a7c15ULL + static_cast<std::uint64_t>(kind) + 1);

@@ -13,6 +13,9 @@ namespace vitreo::vision {
 
 constexpr int kDisturbances = 22;  ///< kinds, from 0; 0 is the image as it is
 
+/// Whether a kind is another light alone: gains of the channels, about even over the object.
+bool is_light(int kind);
+
 /// `image` (CV_8UC3) as it would be under disturbance `kind`. `object`: where what is covered or
 /// outshone lies. Same arguments, same image.
 cv::Mat disturbed(const cv::Mat& image, const Ellipse& object, int kind, std::uint64_t seed);

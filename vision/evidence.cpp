@@ -56,7 +56,7 @@ void Evidence::read_row(const cv::Mat& image, const ColorModel& model, int v) {
   std::fill(row_.begin(), row_.begin() + static_cast<std::ptrdiff_t>(width + 2), std::int8_t{0});
   std::int8_t* to = row_.data() + (first - (region_.x - 1));
   for (int u = first; u < end; ++u, from += 3, ++to)
-    *to = table[ColorModel::cell_of(from[0], from[1], from[2])];
+    *to = table[light_.cell_of(from[0], from[1], from[2])];
   std::int16_t* sums = sums_.data() + static_cast<std::size_t>((v + 3) % 3) * width;
   const std::int8_t* f = row_.data();
   for (std::size_t k = 0; k < width; ++k)

@@ -5,6 +5,7 @@
 
 #include "vision/color_model.h"
 #include "vision/ellipse.h"
+#include "vision/light.h"
 
 #include <opencv2/core/mat.hpp>
 
@@ -39,6 +40,10 @@ class Evidence {
   /// `max_side_px` is cut to it. Allocates only when the region outgrows all before.
   void look(const cv::Mat& image, const ColorModel& model, const Ellipse& gate, int max_side_px,
             const cv::Mat& owned = {}, unsigned char self = 0);
+  /// Gains of the images to come; none at first.
+  void set_light(const LogColor& gains) {
+    if ((gains != light_.gains()).any()) light_.set(gains);
+  }
 
   const cv::Rect& region() const { return region_; }
   /// At a pixel of the image, in the region.
@@ -55,6 +60,7 @@ class Evidence {
   void read_row(const cv::Mat& image, const ColorModel& model, int v);
   void fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned,
                 unsigned char self);
+  LightTable light_;
   cv::Rect region_;
   std::vector<std::int16_t> values_;
   std::vector<std::int16_t> sums_;  // three rows' sums over three columns, in turn

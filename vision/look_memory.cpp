@@ -25,22 +25,9 @@ constexpr double kMostFactor = 400;
 constexpr std::size_t kFewestOthers = 30;  // for which their density stands
 constexpr int kMostLooks = 20000;          // of a file
 
-double squared_distance(const LookFeatures& a, const LookFeatures& b) {
-  float sum = 0;
-  for (std::size_t k = 0; k < a.size(); ++k) sum += (a[k] - b[k]) * (a[k] - b[k]);
-  return sum;
-}
-
 double kernel(double d2) {
   constexpr double kTwice = 2 * kBandwidth * kBandwidth;
   return d2 < 4.5 * kTwice ? std::exp(-d2 / kTwice) : 0;
-}
-
-// Density of the looks at anything else: Gaussian kernels (Parzen).
-double density_of(const std::vector<LookFeatures>& others, const LookFeatures& look) {
-  double sum = 0;
-  for (const LookFeatures& other : others) sum += kernel(squared_distance(look, other));
-  return sum / static_cast<double>(std::max<std::size_t>(others.size(), kFewestOthers));
 }
 
 // Squared errors of neighbors. factor(): the mean of the nearest over what it should be, or what
@@ -71,37 +58,77 @@ LookFeatures load_look(ByteReader& in) {
 
 }  // namespace
 
-void LookMemory::add_object(const LookFeatures& look, double center, double shape) {
-  objects_.push_back({look, static_cast<float>(center), static_cast<float>(shape)});
+void LookMemory::Looks::add(const LookFeatures& look) {
+  for (std::size_t f = 0; f < look.size(); ++f) columns[f].push_back(look[f]);
 }
 
-void LookMemory::add_other(const LookFeatures& look) { others_.push_back(look); }
+LookFeatures LookMemory::Looks::at(std::size_t k) const {
+  LookFeatures look;
+  for (std::size_t f = 0; f < look.size(); ++f) look[f] = columns[f][k];
+  return look;
+}
+
+// At most kBlock; plain loops that a compiler makes vectors of.
+void LookMemory::squared_distances(const Looks& looks, const LookFeatures& from, std::size_t first,
+                                   std::size_t count, float* to) {
+  for (std::size_t k = 0; k < count; ++k) to[k] = 0;
+  for (std::size_t f = 0; f < from.size(); ++f) {
+    const float* column = looks.columns[f].data() + first;
+    const float value = from[f];
+    for (std::size_t k = 0; k < count; ++k) to[k] += (column[k] - value) * (column[k] - value);
+  }
+}
+
+// Density of the looks at anything else: Gaussian kernels (Parzen).
+double LookMemory::density_of(const Looks& looks, const LookFeatures& look) {
+  std::array<float, kBlock> squared{};
+  double sum = 0;
+  for (std::size_t first = 0; first < looks.size(); first += kBlock) {
+    const std::size_t count = std::min(kBlock, looks.size() - first);
+    squared_distances(looks, look, first, count, squared.data());
+    for (std::size_t k = 0; k < count; ++k) sum += kernel(static_cast<double>(squared[k]));
+  }
+  return sum / static_cast<double>(std::max<std::size_t>(looks.size(), kFewestOthers));
+}
+
+void LookMemory::add_object(const LookFeatures& look, double center, double shape) {
+  objects_.add(look);
+  center_.push_back(static_cast<float>(center));
+  shape_.push_back(static_cast<float>(shape));
+}
+
+void LookMemory::add_other(const LookFeatures& look) { others_.add(look); }
 
 // k nearest neighbors for the errors, Parzen densities (Gaussian kernels) for the likeness. A look
 // farther from all neighbors than the bandwidth is unlike anything in memory: its errors grow with
 // the distance.
 LookWorth LookMemory::worth(const LookFeatures& look) const {
   LookWorth result;
-  if (objects_.empty()) return result;
+  if (empty()) return result;
   struct Near {
     double distance = 1e30;
-    const Object* object = nullptr;
+    std::size_t object = 0;
   };
   std::array<Near, kNeighbors> near;  // sorted by insertion; on the stack: nothing is allocated
+  std::array<float, kBlock> squared{};
   double like = 0;
-  for (const Object& object : objects_) {
-    const double d2 = squared_distance(look, object.look);
-    like += kernel(d2);
-    if (d2 >= near.back().distance) continue;
-    std::size_t at = kNeighbors - 1;
-    for (; at > 0 && near[at - 1].distance > d2; --at) near[at] = near[at - 1];
-    near[at] = {d2, &object};
+  for (std::size_t first = 0; first < objects_.size(); first += kBlock) {
+    const std::size_t count = std::min(kBlock, objects_.size() - first);
+    squared_distances(objects_, look, first, count, squared.data());
+    for (std::size_t k = 0; k < count; ++k) {
+      const double d2 = static_cast<double>(squared[k]);
+      like += kernel(d2);
+      if (d2 >= near.back().distance) continue;
+      std::size_t at = kNeighbors - 1;
+      for (; at > 0 && near[at - 1].distance > d2; --at) near[at] = near[at - 1];
+      near[at] = {d2, first + k};
+    }
   }
   Errors center;
   Errors shape;
-  for (std::size_t k = 0; k < near.size() && near[k].object != nullptr; ++k) {
-    center.add(near[k].object->center, k < kNearest);
-    shape.add(near[k].object->shape, k < kNearest);
+  for (std::size_t k = 0; k < std::min(near.size(), objects_.size()); ++k) {
+    center.add(static_cast<double>(center_[near[k].object]), k < kNearest);
+    shape.add(static_cast<double>(shape_[near[k].object]), k < kNearest);
   }
   const double strange = std::max(1.0, near.front().distance / (4 * kBandwidth * kBandwidth));
   result.center = strange * center.factor(kCenterMean);
@@ -113,27 +140,25 @@ LookWorth LookMemory::worth(const LookFeatures& look) const {
 
 void LookMemory::save(ByteWriter& out) const {
   out.u32(static_cast<std::uint32_t>(objects_.size()));
-  for (const Object& object : objects_) {
-    save_look(out, object.look);
-    out.f32(object.center);
-    out.f32(object.shape);
+  for (std::size_t k = 0; k < objects_.size(); ++k) {
+    save_look(out, objects_.at(k));
+    out.f32(center_[k]);
+    out.f32(shape_[k]);
   }
   out.u32(static_cast<std::uint32_t>(others_.size()));
-  for (const LookFeatures& other : others_) save_look(out, other);
+  for (std::size_t k = 0; k < others_.size(); ++k) save_look(out, others_.at(k));
 }
 
 LookMemory LookMemory::load(ByteReader& in) {
   LookMemory memory;
   const int objects = in.integer(0, kMostLooks);
   for (int k = 0; k < objects; ++k) {
-    Object object;
-    object.look = load_look(in);
-    object.center = in.f32(0, 1e9F);
-    object.shape = in.f32(0, 1e9F);
-    memory.objects_.push_back(object);
+    const LookFeatures look = load_look(in);
+    const double center = in.f32(0, 1e9F);
+    memory.add_object(look, center, in.f32(0, 1e9F));
   }
   const int others = in.integer(0, kMostLooks);
-  for (int k = 0; k < others; ++k) memory.others_.push_back(load_look(in));
+  for (int k = 0; k < others; ++k) memory.others_.add(load_look(in));
   return memory;
 }
 

@@ -35,7 +35,7 @@ class LookMemory {
   void add_other(const LookFeatures& look);
   LookWorth worth(const LookFeatures& look) const;
   /// Nothing is known: worth() is then a factor of one and no likeness.
-  bool empty() const { return objects_.empty(); }
+  bool empty() const { return objects_.size() == 0; }
   std::size_t objects() const { return objects_.size(); }
   std::size_t others() const { return others_.size(); }
 
@@ -43,13 +43,22 @@ class LookMemory {
   static LookMemory load(ByteReader& in);
 
  private:
-  struct Object {
-    LookFeatures look{};
-    float center = 0;
-    float shape = 0;
+  // Features by rows of looks, so that distances to all of them are one vector loop.
+  struct Looks {
+    std::array<std::vector<float>, kLookFeatures> columns;
+    std::size_t size() const { return columns[0].size(); }
+    void add(const LookFeatures& look);
+    LookFeatures at(std::size_t k) const;
   };
-  std::vector<Object> objects_;
-  std::vector<LookFeatures> others_;
+  static constexpr std::size_t kBlock = 128;  // looks whose distances are computed at once
+  static void squared_distances(const Looks& looks, const LookFeatures& from, std::size_t first,
+                                std::size_t count, float* to);
+  static double density_of(const Looks& looks, const LookFeatures& look);
+
+  Looks objects_;
+  std::vector<float> center_;  // squared errors of each of `objects_`
+  std::vector<float> shape_;
+  Looks others_;
 };
 
 }  // namespace vitreo::vision

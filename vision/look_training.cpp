@@ -20,10 +20,11 @@ namespace vitreo::vision {
 namespace {
 
 constexpr std::size_t kMostImages = 12;  // evenly of all: more show nothing new
-constexpr int kMargin_px = 40;    // of the part of an image that is disturbed, round the object
-constexpr double kAstray_px = 8;  // a look that ends farther off is at something else
-constexpr int kPlaces = 16;       // looked at besides the search's candidates
-constexpr int kMoves = 14;        // places of the ground to which the object is moved
+constexpr int kMargin_px = 40;      // of the part of an image that is disturbed, round the object
+constexpr double kAstray_px = 8;    // a look that ends farther off is at something else
+constexpr int kPlaces = 16;         // looked at besides the search's candidates
+constexpr int kMoves = 14;          // places of the ground to which the object is moved
+constexpr double kMisjudged = 0.4;  // of the light, natural logarithm
 constexpr unsigned char kMaskedOut = 1;
 constexpr unsigned char kSelf = 2;
 
@@ -76,21 +77,30 @@ class Lessons {
     Ellipse truth = one.truth;
     truth.center_px -= Eigen::Vector2d(part.x, part.y);
     for (int kind = 0; kind < kDisturbances; ++kind)
-      look_at_object(memory, disturbed(one.labeled.image(part), truth, kind, seed), truth, random);
+      look_at_object(memory, disturbed(one.labeled.image(part), truth, kind, seed), truth, random,
+                     is_light(kind));
     for (int move = 0; move < kMoves; ++move) {
       const cv::Mat image = moved(one, part, random);
       const int kind = move % 2 == 0 ? 0 : random.uniform(1, kDisturbances);
-      look_at_object(memory, disturbed(image, truth, kind, seed + 31 * move), truth, random);
+      look_at_object(memory, disturbed(image, truth, kind, seed + 31 * move), truth, random,
+                     is_light(kind));
     }
   }
 
-  // Looks at the same image's anatomy: what the search brings, and places at random, in three
-  // lights and out of focus.
+  // Looks at the same image's anatomy: what the search brings, and places at random, in several
+  // lights, out of focus, and with the light misjudged.
   void at_anatomy(LookMemory& memory, const KnownObject& one, std::uint64_t seed) {
     cv::RNG random(seed + 991);
     const Owned owned{masked_out(one.labeled.mask), kSelf};
-    for (const int kind : {0, 2, 3, 11}) {
+    struct Lesson {
+      int kind;
+      double gain;  // natural logarithm, by which the light is taken to differ
+    };
+    for (const auto& [kind, gain] : {Lesson{0, 0}, Lesson{1, 0}, Lesson{3, 0}, Lesson{11, 0},
+                                     Lesson{0, kMisjudged}, Lesson{0, -kMisjudged}}) {
       const cv::Mat image = disturbed(one.labeled.image, one.truth, kind, seed);
+      view_.set_light(LogColor::Constant(gain));
+      search_.set_light(LogColor::Constant(gain));
       std::vector<Ellipse> places =
           search_.find(image, model_.color, Eigen::Vector2d(image.cols / 2.0, image.rows / 2.0), 8,
                        owned.map, owned.self);
@@ -102,6 +112,8 @@ class Lessons {
                           random.uniform(0.0, CV_PI)});
       for (const Ellipse& place : places) look_at(memory, image, place, owned);
     }
+    view_.set_light(LogColor::Zero());
+    search_.set_light(LogColor::Zero());
   }
 
   static cv::Mat masked_out(const cv::Mat& mask) {
@@ -117,8 +129,12 @@ class Lessons {
     return settings;
   }
 
+  // `adapted`: the tracker would have learnt the light of this image; see it so.
   void look_at_object(LookMemory& memory, const cv::Mat& image, const Ellipse& truth,
-                      cv::RNG& random) {
+                      cv::RNG& random, bool adapted) {
+    const auto color = adapted ? log_color_within(image, truth) : std::nullopt;
+    view_.set_light(color && model_.light.known ? LogColor(*color - model_.light.object)
+                                                : LogColor::Zero());
     const Eigen::Vector2d axes =
         Eigen::Vector2d(truth.semi_major_px, truth.semi_minor_px) + model_.rim.semi_axes_px;
     const Ellipse start = expected_near(truth, axes, random);

@@ -21,6 +21,8 @@ constexpr double kTouching = 5.0;  // px between rims: nearer objects are measur
 constexpr double kSameBody = 0.35;
 constexpr double kAlike = 0.25;  // share of common colors from which two objects are alike
 constexpr int kSureF = static_cast<int>(ColorModel::kScale);  // F = 1: for the object by e to one
+// Of an axis, relative: a tracker takes no body beyond it for its own (ColorTracker's kMostSize).
+constexpr double kSameSize = 0.35;
 // A lost object counts as found again where it is this many times nearer to its own last position
 // than to that of any other lost one alike.
 constexpr double kNearer = 2.0;
@@ -91,6 +93,15 @@ double common_colors(const ColorModel& one, const ColorModel& other) {
   return static_cast<double>(both) / std::max(std::min(first, second), 1);
 }
 
+// Whether one's tracker could take the other's body for its own by its axes.
+bool common_size(const ObjectModel& one, const ObjectModel& other) {
+  const auto within = [](const Eigen::Vector2d& axes, const Eigen::Vector2d& of) {
+    return ((axes - of).cwiseAbs().array() <= kSameSize * of.array()).all();
+  };
+  return within(one.semi_axes_px, other.semi_axes_px) ||
+         within(other.semi_axes_px, one.semi_axes_px);
+}
+
 }  // namespace
 
 struct MultiTracker::State {
@@ -104,7 +115,8 @@ struct MultiTracker::State {
     cv::Rect painted;              // of the map
   };
 
-  bool alike(std::size_t i, std::size_t j) const { return alike_[i * objects.size() + j]; }
+  bool alike(std::size_t i, std::size_t j) const { return alike_[i * order.size() + j]; }
+  TrackedObject audited(TrackedObject object, std::size_t k) const;
   void clear();
   void paint();
   void paint_one(std::size_t k);
@@ -163,6 +175,14 @@ void MultiTracker::State::paint_one(std::size_t k) {
   }
 }
 
+// What answered the audit of an object may have been another one alike, which its training images
+// show as well: position tells those apart, not likeness.
+TrackedObject MultiTracker::State::audited(TrackedObject object, std::size_t k) const {
+  for (std::size_t j = 0; j < order.size(); ++j)
+    if (alike(k, j)) object.model.audit = {};
+  return object;
+}
+
 // Maps all claims anew. Only what was painted is cleared, not the whole map.
 void MultiTracker::State::paint() {
   clear();
@@ -178,7 +198,9 @@ void MultiTracker::State::sort_by_confidence() {
   const auto rank = [this](std::size_t k) {
     const TrackState state = objects[k]->tracker.state();
     const double base = state == TrackState::tracking ? 3 : (state == TrackState::coasting ? 2 : 1);
-    return base + 0.5 * objects[k]->confidence;
+    // What is about to be believed comes before what is still searched.
+    const double candidate = objects[k]->tracker.memory().agreed > 0 ? 0.5 : 0;
+    return base + candidate + 0.4 * objects[k]->confidence;
   };
   std::sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) {
     const double a = rank(i);
@@ -229,6 +251,10 @@ void MultiTracker::State::measure(std::size_t k, const cv::Mat& image) {
   } else if (tracks[k].measured) {
     object.claim = object.tracker.memory().last;
     object.confidence = tracks[k].measured->inlier_fraction;
+  } else if (tracks[k].candidate) {
+    // A body beside it that is searched too would be taken together with it for one.
+    object.claim = tracks[k].candidate;
+    object.confidence = 0;
   } else {
     object.claim.reset();
     object.confidence = 0;
@@ -262,6 +288,7 @@ void MultiTracker::State::resolve_overlaps() {
   for (std::size_t i = 0; i < objects.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       if (!objects[i]->claim || !objects[j]->claim) continue;
+      if (tracks[i].candidate || tracks[j].candidate) continue;  // neither is believed yet
       if (shared_area(*objects[i]->claim, *objects[j]->claim) < kSameBody) continue;
       const bool first_is_surer = objects[i]->confidence > objects[j]->confidence;
       if (alike(i, j) || !first_is_surer) take_back(i);
@@ -277,17 +304,18 @@ MultiTracker::MultiTracker(const std::vector<TrackedObject>& objects)
   require(!objects.empty() && objects.size() <= kMostObjects,
           "objects: must be 1 to " + std::to_string(kMostObjects));
   State& s = *state_;
-  for (const TrackedObject& one : objects) {
+  for (const TrackedObject& one : objects)
     require(one.model.image_size == objects[0].model.image_size,
             "objects: their models are for images of different sizes");
-    s.objects.push_back(std::make_unique<State::Object>(one));
-  }
+  s.order.resize(objects.size());
   s.alike_.resize(objects.size() * objects.size());
   for (std::size_t i = 0; i < objects.size(); ++i)
     for (std::size_t j = 0; j < objects.size(); ++j)
       s.alike_[i * objects.size() + j] =
-          i != j && common_colors(objects[i].model.color, objects[j].model.color) > kAlike;
-  s.order.resize(objects.size());
+          i != j && common_size(objects[i].model, objects[j].model) &&
+          common_colors(objects[i].model.color, objects[j].model.color) > kAlike;
+  for (std::size_t k = 0; k < objects.size(); ++k)
+    s.objects.push_back(std::make_unique<State::Object>(s.audited(objects[k], k)));
   s.tracks.resize(objects.size());
   s.again.resize(objects.size());
 }
@@ -296,8 +324,8 @@ MultiTracker::~MultiTracker() = default;
 
 // Claims by prediction, one pass in the order of confidence, a second one for objects that touch,
 // then the overlaps.
-// Only tracked objects claim pixels by prediction: that of a coasting or lost one would mask a body
-// that is really there.
+// Only tracked objects, and those about to be believed, claim pixels by prediction: that of a
+// coasting or lost one would mask a body that is really there.
 const std::vector<Track>& MultiTracker::update(const cv::Mat& image) {
   State& s = *state_;
   if (s.map.size() != image.size()) {
@@ -308,7 +336,8 @@ const std::vector<Track>& MultiTracker::update(const cv::Mat& image) {
   for (auto& object : s.objects) {
     object->before = object->tracker.memory();
     object->claim.reset();
-    if (object->before.state == TrackState::tracking) object->claim = object->tracker.expected();
+    if (object->before.state == TrackState::tracking || object->before.agreed > 0)
+      object->claim = object->tracker.expected();
   }
   s.paint();
   for (const std::size_t k : s.order) s.measure(k, image);

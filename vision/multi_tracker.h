@@ -19,7 +19,7 @@ struct TrackedObject {
 
 /// Every pixel belongs to the object whose predicted ellipse is nearest; so two that touch share a
 /// border that shape and prediction draw, whatever their colors. Objects that touch are measured
-/// twice, the second time with the ellipses just measured. Objects of similar colors are
+/// twice, the second time with the ellipses just measured. Objects of similar colors and size are
 /// distinguished only by their positions: when two of them merge both are lost, and one that was
 /// lost counts as found only where it cannot be the other.
 class MultiTracker {
@@ -37,7 +37,7 @@ class MultiTracker {
   void reset();
   /// CV_8UC1: 0, or the number of the object, from 1, that has the pixel. Of the last image.
   const cv::Mat& owners() const;
-  /// Whether two objects' colors are alike, so that only position distinguishes them.
+  /// Whether two objects' colors and sizes are alike, so that only position distinguishes them.
   bool alike(std::size_t one, std::size_t other) const;
 
  private:

@@ -9,7 +9,7 @@ namespace vitreo::vision {
 namespace {
 
 constexpr std::string_view kObjectMagic = "VTOM";
-constexpr std::uint32_t kObjectVersion = 2;
+constexpr std::uint32_t kObjectVersion = 3;
 constexpr int kMostAsked = 1000000;
 
 void save_calibration(ByteWriter& out, const Calibration& calibration) {
@@ -45,6 +45,20 @@ FalseBelief load_audit(ByteReader& in) {
   return audit;
 }
 
+void save_light(ByteWriter& out, const TrainedLight& light) {
+  out.u32(light.known ? 1 : 0);
+  for (const double value : light.ground) out.f64(value);
+  for (const double value : light.object) out.f64(value);
+}
+
+TrainedLight load_light(ByteReader& in) {
+  TrainedLight light;
+  light.known = in.integer(0, 1) == 1;
+  for (double& value : light.ground) value = in.f64(-1, 6);  // ln of 0.5 to 255
+  for (double& value : light.object) value = in.f64(-1, 6);
+  return light;
+}
+
 // Its length first, so that the reader knows where the part ends.
 void save_part(ByteWriter& out, const std::string& part) {
   out.u32(static_cast<std::uint32_t>(part.size()));
@@ -53,8 +67,9 @@ void save_part(ByteWriter& out, const std::string& part) {
 
 }  // namespace
 
-// Format "VTOM", version 2: image size, mean axes, both calibrations, then color and shape model,
-// each with its length, then the look memory and the audit, which version 1 does not have.
+// Format "VTOM", version 3: image size, mean axes, both calibrations, then color and shape model,
+// each with its length, then the look memory and the audit, which version 1 does not have, then the
+// light, which version 2 does not have either.
 std::string ObjectModel::save() const {
   ByteWriter out;
   out.text(kObjectMagic);
@@ -68,14 +83,17 @@ std::string ObjectModel::save() const {
   save_part(out, shape.save());
   looks.save(out);
   save_audit(out, audit);
+  save_light(out, light);
   return out.sealed();
 }
 
 // Throws std::invalid_argument naming the part that is damaged; every number is read with its
 // bounds.
 ObjectModel ObjectModel::load(std::string_view bytes) {
-  const bool first = bytes.size() > 4 && bytes[4] == 1;
-  ByteReader in(bytes, kObjectMagic, first ? 1 : kObjectVersion, "object model");
+  std::uint32_t version = kObjectVersion;
+  if (bytes.size() > 4 && (bytes[4] == 1 || bytes[4] == 2))
+    version = static_cast<std::uint32_t>(bytes[4]);
+  ByteReader in(bytes, kObjectMagic, version, "object model");
   ObjectModel model;
   model.image_size.width = in.integer(1, 100000);
   model.image_size.height = in.integer(1, 100000);
@@ -84,10 +102,11 @@ ObjectModel ObjectModel::load(std::string_view bytes) {
   model.segment = load_calibration(in);
   model.color = ColorModel::load(in.text(in.u32()));
   model.shape = ShapeModel::load(in.text(in.u32()));
-  if (!first) {
+  if (version > 1) {
     model.looks = LookMemory::load(in);
     model.audit = load_audit(in);
   }
+  if (version > 2) model.light = load_light(in);
   in.end();
   return model;
 }

@@ -5,6 +5,7 @@
 
 #include "vision/color_model.h"
 #include "vision/level_set.h"
+#include "vision/light.h"
 #include "vision/look_memory.h"
 #include "vision/radial_rim.h"
 #include "vision/shape_model.h"
@@ -55,6 +56,7 @@ struct ObjectModel {
   Calibration segment;                 ///< of those without
   LookMemory looks;                    ///< empty in a model saved before there was one
   FalseBelief audit;
+  TrainedLight light;  ///< not known in a model saved before it was learnt
 
   /// What a person should know before trusting it, a sentence each; none of a good model.
   std::vector<std::string> warnings() const;

@@ -44,9 +44,8 @@ void ObjectSearch::read(const cv::Mat& image, const ColorModel& model, const cv:
     for (int i = 0; i < columns_; ++i) {
       const cv::Vec3b& a = first[i * step_];
       const cv::Vec3b& b = other[i * step_ + second];
-      int value = (table[ColorModel::cell_of(a[0], a[1], a[2])] +
-                   table[ColorModel::cell_of(b[0], b[1], b[2])]) /
-                  2;
+      int value =
+          (table[light_.cell_of(a[0], a[1], a[2])] + table[light_.cell_of(b[0], b[1], b[2])]) / 2;
       if (owner != nullptr && owner[i * step_] != 0 && owner[i * step_] != self)
         value = -kMostTableF;
       value = std::clamp(value, -kMostTableF, kMostTableF);

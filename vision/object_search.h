@@ -5,6 +5,7 @@
 
 #include "vision/color_model.h"
 #include "vision/ellipse.h"
+#include "vision/light.h"
 
 #include <opencv2/core/mat.hpp>
 
@@ -26,6 +27,10 @@ class ObjectSearch {
   const std::vector<Ellipse>& find(const cv::Mat& image, const ColorModel& model,
                                    const Eigen::Vector2d& near_px, int most,
                                    const cv::Mat& owned = {}, unsigned char self = 0);
+  /// Gains of the images to come; none at first.
+  void set_light(const LogColor& gains) {
+    if ((gains != light_.gains()).any()) light_.set(gains);
+  }
 
  private:
   void read(const cv::Mat& image, const ColorModel& model, const cv::Mat& owned,
@@ -33,6 +38,7 @@ class ObjectSearch {
   int box(int i, int j) const;
   void score(const Eigen::Vector2d& near_px);
   Ellipse settle(int i, int j) const;
+  LightTable light_;
   int step_;
   int half_;
   Ellipse size_;  // px

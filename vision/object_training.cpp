@@ -132,6 +132,24 @@ Calibration calibration_of(const ObjectModel& model, const std::vector<KnownObje
       errors, errors.empty() ? reported : Matrix5(reported / static_cast<double>(errors.size())));
 }
 
+// Of ground and object, each the mean over the images; the ground without what is near the object.
+TrainedLight light_of(const std::vector<KnownObject>& images) {
+  TrainedLight light;
+  int objects = 0;
+  for (const auto& [labeled, truth] : images) {
+    cv::Mat near;
+    cv::dilate(labeled.mask, near, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));
+    light.ground += log_light(labeled.image, near) / static_cast<double>(images.size());
+    const auto within = log_color_within(labeled.image, truth);
+    if (!within) continue;
+    light.object += *within;
+    ++objects;
+  }
+  light.object /= std::max(objects, 1);
+  light.known = objects > 0;
+  return light;
+}
+
 }  // namespace
 
 // Colors first: shape and calibration are measured with them. The calibrations use the training
@@ -153,6 +171,7 @@ ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
   }
   model.rim = calibration_of(model, whole, view, true);
   model.segment = calibration_of(model, whole, view, false);
+  model.light = light_of(whole);
   learn_looks(model, whole, view);
   return model;
 }

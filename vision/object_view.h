@@ -43,6 +43,8 @@ class ObjectView {
   /// `expected`.
   Observation observe(const cv::Mat& image, const Ellipse& expected, double gate_px,
                       const EllipsePrior& prior, const Owned& owned = {}, bool from_front = true);
+  /// Gains of the images to come against those of the training; none at first.
+  void set_light(const LogColor& gains) { evidence_.set_light(gains); }
 
  private:
   void count_support(const Ellipse& ellipse, Observation& observation) const;

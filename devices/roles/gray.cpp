@@ -31,6 +31,14 @@ cv::Mat in_gray(const cv::Mat& image, int bits) {
   return gray;
 }
 
+cv::Mat as_color(const cv::Mat& image) {
+  if (image.type() != CV_8UC1) return image;
+  cv::Mat color;
+  const cv::Mat levels[] = {image, image, image};
+  cv::merge(levels, 3, color);
+  return color;
+}
+
 cv::Mat as_gray(const cv::Mat& image) { return image.type() == CV_8UC1 ? image : in_gray(image); }
 
 }  // namespace vitreo

@@ -133,6 +133,19 @@ void add_disc(cv::Mat& map, double scale, double x, double y, double radius, dou
           height / (1 + std::exp((std::hypot(u - u0, v - v0) - r0) / (0.6 * e))));
 }
 
+// Bilinear interpolation; 0 outside of the map.
+template <class Value>
+Value bilinear(const cv::Mat& map, double u, double v) {
+  if (!(u >= 0 && v >= 0 && u < map.cols - 1 && v < map.rows - 1)) return Value{};
+  const int i = static_cast<int>(u);
+  const int j = static_cast<int>(v);
+  const float a = static_cast<float>(u - i);
+  const float b = static_cast<float>(v - j);
+  const Value* above = map.ptr<Value>(j) + i;
+  const Value* below = map.ptr<Value>(j + 1) + i;
+  return (1 - b) * ((1 - a) * above[0] + a * above[1]) + b * ((1 - a) * below[0] + a * below[1]);
+}
+
 }  // namespace
 
 // Reflectance: an even ground of 0.52 with mottling, the fovea darker, disc and cup brighter,
@@ -157,22 +170,20 @@ Fundus Fundus::photograph(const std::string& file, double width) {
   cv::Mat map;
   cv::extractChannel(color, green, 1);  // the vessels' contrast is best in green light
   green.convertTo(map, CV_32F, 1.0 / 255);
-  return {map, map.cols / width};
+  Fundus made(map, map.cols / width);
+  color.convertTo(made.color_, CV_32F, 1.0 / 255);
+  return made;
 }
 
-// Bilinear interpolation.
-// (0, 0) is the middle of the map, between its pixels, hence the half; 0 outside of it.
+// (0, 0) is the middle of the map, bilinear its pixels, hence the half; 0 outside of it.
 float Fundus::reflectance(double x, double y) const {
-  const double u = map_.cols / 2.0 - 0.5 + x * pixels_per_meter_;
-  const double v = map_.rows / 2.0 - 0.5 - y * pixels_per_meter_;
-  if (!(u >= 0 && v >= 0 && u < map_.cols - 1 && v < map_.rows - 1)) return 0;
-  const int i = static_cast<int>(u);
-  const int j = static_cast<int>(v);
-  const float a = static_cast<float>(u - i);
-  const float b = static_cast<float>(v - j);
-  const float* above = map_.ptr<float>(j) + i;
-  const float* below = map_.ptr<float>(j + 1) + i;
-  return (1 - b) * ((1 - a) * above[0] + a * above[1]) + b * ((1 - a) * below[0] + a * below[1]);
+  return bilinear<float>(map_, map_.cols / 2.0 - 0.5 + x * pixels_per_meter_,
+                         map_.rows / 2.0 - 0.5 - y * pixels_per_meter_);
+}
+
+cv::Vec3f Fundus::color(double x, double y) const {
+  return bilinear<cv::Vec3f>(color_, color_.cols / 2.0 - 0.5 + x * pixels_per_meter_,
+                             color_.rows / 2.0 - 0.5 - y * pixels_per_meter_);
 }
 
 }  // namespace vitreo::sim

@@ -221,18 +221,36 @@ struct Laboratory::State {
         eye_view(eye, observer, image, size, settings.world.cavity.vertex, kGridStep, now.turn);
     const Aperture aperture{observer.numerical_aperture, 550e-9, image.pixel};
     const auto defocus = eye_defocus(eye, observer, image);
-    cv::Mat ground = retina_ground(view, retina(), settings.world.cavity.radius);
+    retina_seen = retina_points(view, settings.world.cavity.radius);
     // One kernel for the whole ground, that of the retina half-way out to the side.
     const Eigen::Vector2d half_way = image.center_px + Eigen::Vector2d(size.width / 4.0, 0);
-    const double ground_defocus = defocus(half_way, 0);
-    sensor.ground_tint = kFundusTint;
-    top_renderer.emplace(std::move(view), aperture, defocus, ground, ground_defocus, sensor, robot,
-                         noise);
+    retina_defocus = defocus(half_way, 0);
+    // A photograph before a color sensor has its own colors.
+    if (!color_ground()) sensor.ground_tint = kFundusTint;
+    top_renderer.emplace(std::move(view), aperture, defocus, ground_at(Time{}), retina_defocus,
+                         sensor, robot, noise);
+  }
+
+  bool color_ground() {
+    return settings.top.sensor.color != SensorColor::gray && retina().has_color();
+  }
+
+  /// To and fro along a Lissajous figure, at most at the speed of the settings along x.
+  cv::Mat ground_at(Time time) {
+    constexpr double kReach = 1.5e-3;  // m
+    const double phase = static_cast<double>(settings.fundus_drift) * to_seconds(time) / kReach;
+    const Eigen::Vector2d shift =
+        settings.fundus_drift > 0
+            ? kReach * Eigen::Vector2d(std::sin(phase), 0.5 * std::sin(0.7 * phase))
+            : Eigen::Vector2d(0, 0);
+    return painted_ground(retina_seen, retina(), shift, color_ground());
   }
 
   cv::Mat draw_top(Time exposed, std::uint64_t number) {
     const Pose now = pose(exposed);
     if (!top_renderer || !(now == rendered_pose)) prepare_top(now);
+    if (settings.fundus_drift > 0 && settings.top_view != TopView::plain)
+      top_renderer->set_ground(ground_at(exposed), retina_defocus);
     return draw(*top_renderer, settings.top, exposed, number);
   }
 
@@ -309,6 +327,8 @@ struct Laboratory::State {
   SimulatedProbe probe;
   std::optional<Fundus> fundus;
   std::optional<Renderer> top_renderer;
+  cv::Mat retina_seen;        // retina_points() of its view
+  double retina_defocus = 0;  // m
   std::optional<Renderer> side_renderer;
   Pose rendered_pose;
   std::unique_ptr<SimulatedCamera> top;
@@ -324,6 +344,8 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
   require(settings.sensor_aperture > 0 && settings.sensor_aperture < 1,
           "sensor_aperture must be in (0, 1)");
   settings.lens.check();
+  require(settings.fundus_drift >= 0 && settings.fundus_drift <= 0.1,
+          "fundus_drift must be in [0, 0.1] m/s");
   require(settings.eye.size() > State::kBeforeCondensingLens,
           "eye: a system with a condensing lens before surface 6 is wanted");
   state_ = std::make_unique<State>(*this, settings, clock, seed);

@@ -51,6 +51,9 @@ struct LaboratorySettings {
   double sensor_aperture = 0.159;
   // soft robots are drawn as the crossed plates they are; the localizer's are ellipsoids
   bool plates = true;
+  // m/s: fastest speed at which the picture of the retina goes to and fro, by 1.5 mm either way, as
+  // that of an eye that moves; nothing else moves with it.
+  float fundus_drift = 0;
   ProbeSettings probe;
   double side_pixel = 20.4e-6;               // m per pixel
   Eigen::Vector2d side_center_px{328, 245};  // where the world's origin shows

@@ -101,10 +101,9 @@ Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::M
       look_(look),
       seed_(seed) {
   sensor_.check();
-  require(ground.cols == view_.width && ground.rows == view_.height && ground.type() == CV_32F,
-          "ground: a CV_32F image of the view's size is wanted");
   prepare_noise();
-  prepare_ground(std::move(ground), ground_defocus);
+  vignette_ = vignette_of(view_.width, view_.height, sensor_.vignette);
+  set_ground(std::move(ground), ground_defocus);
 }
 
 // Linear camera model (EMVA 1288): the variance in electrons is that of the shot noise, which is
@@ -126,16 +125,24 @@ void Renderer::prepare_noise() {
     sample = static_cast<std::int16_t>(std::lround(std::clamp(normal(random), -6.0, 6.0) * 1024));
 }
 
-// The empty scene: blurred, vignetted and tinted once, in units of 1/256 gray level.
-void Renderer::prepare_ground(cv::Mat ground, double ground_defocus) {
-  vignette_ = vignette_of(view_.width, view_.height, sensor_.vignette);
-  blur_.apply(ground, ground_defocus);
+// The empty scene: blurred, vignetted and tinted, in units of 1/256 gray level.
+void Renderer::set_ground(cv::Mat ground, double ground_defocus) {
+  require(ground.cols == view_.width && ground.rows == view_.height && ground.depth() == CV_32F &&
+              (ground.channels() == 1 || ground.channels() == 3),
+          "ground: an image of one or three floats a pixel, of the view's size, is wanted");
+  std::vector<cv::Mat> channels;
+  cv::split(ground, channels);
+  for (cv::Mat& one : channels) blur_.apply(one, ground_defocus);
   ground_.create(view_.height, view_.width, CV_16U);
   ground_sigma_.create(view_.height, view_.width, CV_16U);
   for (int v = 0; v < view_.height; ++v) {
     for (int u = 0; u < view_.width; ++u) {
-      const double level = sensor_.brightness * ground.at<float>(v, u) * vignette_.at<float>(v, u) *
-                           factor(sensor_.ground_tint, u, v);
+      const bool gray = channels.size() == 1;
+      std::array<double, 3> color = sensor_.ground_tint;  // red, green, blue
+      for (std::size_t c = 0; c < 3 && !gray; ++c) color[c] *= channels[2 - c].at<float>(v, u);
+      const double reflected = gray ? channels[0].at<float>(v, u) : 1;
+      const double level =
+          sensor_.brightness * reflected * vignette_.at<float>(v, u) * factor(color, u, v);
       const auto mean = static_cast<std::uint16_t>(std::clamp(level * 256, 0.0, 65280.0));
       ground_.at<std::uint16_t>(v, u) = mean;
       ground_sigma_.at<std::uint16_t>(v, u) = sigma_of_level_[mean >> 8];
@@ -143,6 +150,7 @@ void Renderer::prepare_ground(cv::Mat ground, double ground_defocus) {
   }
   scene_ = ground_.clone();
   scene_sigma_ = ground_sigma_.clone();
+  drawn_.clear();
 }
 
 // A gray sensor weighs the colors about as luma does; a Bayer sensor has one filter a pixel.
@@ -405,8 +413,8 @@ Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microsc
 
 // Ray and sphere: |o + t d| = R about the sphere's center, the root on the far side. Distance along
 // the retina is R times the angle from the vertex (azimuthal equidistant projection).
-cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius) {
-  cv::Mat ground(view.height, view.width, CV_32F);
+cv::Mat retina_points(const View& view, double radius) {
+  cv::Mat points(view.height, view.width, CV_64FC2);
   const Eigen::Vector3d center(0, 0, radius);
   for (int v = 0; v < view.height; ++v) {
     for (int u = 0; u < view.width; ++u) {
@@ -416,7 +424,7 @@ cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius) {
       const double od = o.dot(d);
       const double root = od * od - dd * (o.squaredNorm() - radius * radius);
       if (!(root >= 0)) {
-        ground.at<float>(v, u) = 0;
+        points.at<cv::Vec2d>(v, u) = {std::nan(""), std::nan("")};
         continue;
       }
       // The far side, with the smaller t: the retina, not the lens.
@@ -424,10 +432,33 @@ cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius) {
       const double across = std::hypot(outward.x(), outward.y());
       const double angle = std::atan2(across, -outward.z());
       const double stretch = across > 1e-9 ? radius * angle / across : 1;
-      ground.at<float>(v, u) = fundus.reflectance(stretch * outward.x(), stretch * outward.y());
+      points.at<cv::Vec2d>(v, u) = {stretch * outward.x(), stretch * outward.y()};
+    }
+  }
+  return points;
+}
+
+// A point that is not a number lies outside of every map, where a fundus is black.
+cv::Mat painted_ground(const cv::Mat& points, const Fundus& fundus, const Eigen::Vector2d& shift,
+                       bool in_color) {
+  const bool color = in_color && fundus.has_color();
+  cv::Mat ground(points.size(), color ? CV_32FC3 : CV_32FC1);
+  for (int v = 0; v < points.rows; ++v) {
+    for (int u = 0; u < points.cols; ++u) {
+      const cv::Vec2d& at = points.at<cv::Vec2d>(v, u);
+      const double x = at[0] - shift.x();
+      const double y = at[1] - shift.y();
+      if (color)
+        ground.at<cv::Vec3f>(v, u) = fundus.color(x, y);
+      else
+        ground.at<float>(v, u) = fundus.reflectance(x, y);
     }
   }
   return ground;
+}
+
+cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius) {
+  return painted_ground(retina_points(view, radius), fundus, {0, 0}, false);
 }
 
 }  // namespace vitreo::sim

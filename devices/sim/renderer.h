@@ -45,8 +45,8 @@ class Renderer {
   /// in the view.
   using DefocusOf = std::function<double(const Eigen::Vector2d& pixel, double z_in_view)>;
 
-  /// `ground`: sharp reflectance of the empty scene, CV_32F, of the view's size; `ground_defocus`
-  /// in m.
+  /// `ground`: sharp reflectance of the empty scene, CV_32FC1, or CV_32FC3 (blue, green, red), of
+  /// the view's size; `ground_defocus` in m.
   Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground,
            double ground_defocus, const Sensor& sensor, const BodyLook& look, std::uint64_t seed);
   /// The image number `frame` with the robot, or without one (null). Same arguments, same image.
@@ -54,6 +54,8 @@ class Renderer {
   /// With any bodies, smeared by their motion during the exposure; CV_8UC1, or CV_8UC3 (blue,
   /// green, red) of a color sensor.
   cv::Mat render(const std::vector<DrawnBody>& bodies, std::uint64_t frame);
+  /// Another empty scene from the next image on, for a ground that moves.
+  void set_ground(cv::Mat ground, double ground_defocus);
   const View& view() const { return view_; }
 
  private:
@@ -71,7 +73,6 @@ class Renderer {
                const cv::Rect& window);
   double factor(const std::array<double, 3>& color, int u, int v) const;
   void prepare_noise();
-  void prepare_ground(cv::Mat ground, double ground_defocus);
   void restore_ground();
   cv::Mat add_noise(std::uint64_t frame) const;
 
@@ -98,8 +99,17 @@ class Renderer {
 Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microscope& microscope,
                                 const optics::ImageScale& scale);
 
-/// The retina as each pixel's line meets it: a sphere of `radius` with its vertex at the view's
-/// origin, painted with `fundus`.
+/// Where each pixel's line meets the retina, a sphere of `radius` with its vertex at the view's
+/// origin: CV_64FC2, m along the retina from the vertex (azimuthal equidistant); not numbers where
+/// a line misses it.
+cv::Mat retina_points(const View& view, double radius);
+
+/// The ground at such points, `fundus` moved by `shift` (m along the retina): CV_32FC1, or CV_32FC3
+/// of a fundus in color where `in_color`.
+cv::Mat painted_ground(const cv::Mat& points, const Fundus& fundus, const Eigen::Vector2d& shift,
+                       bool in_color);
+
+/// Both, of a fundus that lies still, in gray.
 cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius);
 
 }  // namespace vitreo::sim

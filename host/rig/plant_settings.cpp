@@ -292,6 +292,8 @@ void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory, sim::O
   laboratory.fundus = reader.text("fundus", laboratory.fundus);
   laboratory.fundus_width =
       reader.number("fundus_width", laboratory.fundus_width, {1 * kPlantMilli, 0.2, "m"});
+  laboratory.fundus_drift =
+      static_cast<float>(reader.number("fundus_drift", 0, {0, 100 * kPlantMilli, "m/s"}));
   reader.finish();
 }
 

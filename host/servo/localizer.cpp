@@ -15,27 +15,6 @@
 namespace vitreo {
 namespace {
 
-/// The expected blur of the microscope's image at the ends of the workspace, as the sum of the
-/// variances of diffraction, defocus and the pixel's own width. The tracker finds the rest itself,
-/// from 0.4 to 2.5 times this.
-vision::BlobTrackerSettings tracker_settings(const RigModel& model) {
-  constexpr double kWavelength = 550e-9;  // m
-  // m of aerial image, over a workspace focused at its middle.
-  constexpr double kGreatestDefocus = 3.5e-3;
-  const double aperture = model.microscope.numerical_aperture;
-  const double pixel = model.top_image.pixel;
-  // The Gaussian nearest to the Airy pattern has sigma 0.21 lambda / NA.
-  const double diffraction = 0.21 * kWavelength / aperture;
-  // Defocus spreads a point over a disc of radius NA * defocus; a uniform disc of radius r has a
-  // standard deviation of r / 2 along each axis.
-  const double disc = aperture * kGreatestDefocus / 2;
-  vision::BlobTrackerSettings settings;
-  // A pixel integrates over its width, a uniform density of variance pixel^2 / 12.
-  settings.blur_sigma_px =
-      0.8 * std::sqrt(diffraction * diffraction + disc * disc + pixel * pixel / 12) / pixel;
-  return settings;
-}
-
 /// What no tracker's covariance knows, the errors of contour and pose, is not below a tenth of a
 /// pixel.
 constexpr double kModelError_px = 0.1;
@@ -74,12 +53,12 @@ Eigen::Vector3d level_side(const Eigen::Vector3d& axis) {
 
 /// Throws std::invalid_argument naming axis_sigma. `tilted_` is set only where the axis is to be
 /// estimated; it needs the answer by the known axis as its start, so both solvers are prepared.
-Localizer::Localizer(const RigModel& model, vision::Background background,
+Localizer::Localizer(const RigModel& model, std::unique_ptr<RobotEye> eye,
                      const Eigen::Vector3d& axis, double axis_sigma, bool calibrated)
     : model_(model),
       axis_(axis),
       side_(level_side(axis)),
-      tracker_(std::move(background), tracker_settings(model)),
+      eye_(std::move(eye)),
       pose_(pose_settings_of(model)) {
   if (!(axis_sigma >= 0 && axis_sigma < 1))
     throw std::invalid_argument("axis_sigma must be in [0, 1) rad");
@@ -91,6 +70,17 @@ Localizer::Localizer(const RigModel& model, vision::Background background,
   tilted_->image = model_.top_image;
   tilted_->object = body_of(model_.robot);
   tilted_->orientation_sigma = axis_sigma;
+}
+
+Localizer::Localizer(const RigModel& model, vision::Background background,
+                     const Eigen::Vector3d& axis, double axis_sigma, bool calibrated)
+    : Localizer(model, background_eye(model, std::move(background)), axis, axis_sigma, calibrated) {
+}
+
+void Localizer::forget() {
+  last_in_eye_.reset();
+  last_attitude_.reset();
+  eye_->forget();
 }
 
 void Localizer::expect_axis(const Eigen::Vector3d& axis) {
@@ -122,7 +112,7 @@ void Localizer::straighten(SideObservation& side) const {
 /// located.
 Observation Localizer::look(const cv::Mat& image) {
   Observation observation;
-  observation.ellipse = tracker_.update(image);
+  observation.ellipse = eye_->look(image);
   if (observation.ellipse) localize(observation);
   return observation;
 }
@@ -218,9 +208,9 @@ void Localizer::localize(Observation& observation) {
   // A residual may have a minimum far outside, where no robot can be: of 1e6 m, for one outline cut
   // by the image's edge.
   if (!found || !(found->position_in_eye.norm() < kEye)) {
-    last_in_eye_.reset();  // the next frame starts afresh
-    // What is no robot is not followed: the robot may be elsewhere in the picture.
-    tracker_.reset();
+    // The next frame starts afresh. What is no robot is not followed: the robot may be elsewhere in
+    // the picture.
+    forget();
     return;
   }
   last_in_eye_ = found->position_in_eye;

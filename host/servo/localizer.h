@@ -5,16 +5,17 @@
 
 #include "devices/time/clock.h"
 #include "host/rig/rig.h"
+#include "host/servo/robot_eye.h"
 #include "host/servo/side_observation.h"
 #include "host/servo/view_doubt.h"
 #include "optics/pose/object_pose.h"
 #include "vision/background.h"
-#include "vision/blob_tracker.h"
 #include "vision/ellipse.h"
 
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
+#include <memory>
 #include <optional>
 
 namespace vitreo {
@@ -37,6 +38,10 @@ struct Observation {
 /// One camera, through the optics of the eye (thesis 5).
 class Localizer {
  public:
+  /// `eye`: sees the robot's outline. The others as below.
+  Localizer(const RigModel& model, std::unique_ptr<RobotEye> eye, const Eigen::Vector3d& axis,
+            double axis_sigma = 0, bool calibrated = false);
+  /// By what differs from a background.
   /// `axis`: unit, world; taken for the robot's own, as the thesis does. With an `axis_sigma` (rad,
   /// above 0) it is only the most probable one, and the orientation is estimated with the position.
   /// `calibrated`: the model's scale was found by a look at the robot on the retina.
@@ -51,6 +56,9 @@ class Localizer {
   /// Of crossed plates that are turned about their axis the side camera's outline points another
   /// way than the axis does: by what, at the attitude of the last image, is taken off.
   void straighten(SideObservation& side) const;
+  /// What was seen is not the robot: it is searched anew.
+  void forget();
+  const RobotEye& eye() const { return *eye_; }
 
  private:
   struct Found {
@@ -71,7 +79,7 @@ class Localizer {
   RigModel model_;
   Eigen::Vector3d axis_;
   Eigen::Vector3d side_;  // unit, across axis_: one of the plates lies in the plane of both
-  vision::BlobTracker tracker_;
+  std::unique_ptr<RobotEye> eye_;
   optics::PoseSettings pose_;
   std::optional<ViewDoubt> doubt_;                    // none of a plain view
   std::optional<optics::ObjectPoseSettings> tilted_;  // where the axis is to be estimated

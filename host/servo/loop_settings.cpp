@@ -79,6 +79,10 @@ const char* source_of(Feedback feedback) {
       return "top camera through the eye and side camera";
     case Feedback::pose_sensor:
       return "pose sensor: the simulator's truth, late and noisy";
+    case Feedback::color:
+      return "top camera through the eye, by colors and shape";
+    case Feedback::color_and_background:
+      return "top camera through the eye, by colors and shape or by the background";
   }
   return "?";
 }

@@ -2,6 +2,7 @@
 #include "host/servo/observation_source.h"
 
 #include "devices/roles/gray.h"
+#include "host/servo/servo_cameras.h"
 
 #include <fmt/format.h>
 
@@ -18,10 +19,13 @@ namespace {
 /// millimeters off (docs/safety.md).
 constexpr double kLargestResidual_px = 1.5;
 
-/// Of the rim, in line with the ellipse: 1 for a robot that nothing hides. Below this a speck at
-/// its edge, as dark as it is, begins to bend the ellipse: the place is 0.2 mm off at most above,
-/// up to 1.7 mm below.
-constexpr double kLeastRim = 0.75;
+/// m/s, standard deviation: what moves the robot beyond the model, 0.1 to 0.3 mm/s on the simulated
+/// machines, and of a swimmer, whose speed the model of forces does not know.
+constexpr double kUnexplained = 0.3e-3;
+constexpr double kUnexplainedSwimmer = 1e-3;
+
+/// Pictures in a row that the gate refuses before the eye is to search anew.
+constexpr int kRefusals = 3;
 
 /// rad: how well a pose sensor's axis is taken to be known, as it states no covariance of it.
 constexpr double kPoseAxisSigma = 0.02;
@@ -35,6 +39,14 @@ bool uses_pose_sensor(const ServoSettings& settings) {
 double usual_period(const Rig& rig, bool by_pose) {
   if (by_pose) return rig.pose_sensor != nullptr ? rig.pose_sensor->period() : 0;
   return rig.top_camera != nullptr ? rig.top_camera->info().frame_period : 0;
+}
+
+/// A model is for pictures of the size that it was trained on.
+void check_model_size(const cv::Size& trained, const CameraInfo& camera) {
+  if (trained.width != camera.width_px || trained.height != camera.height_px)
+    throw std::invalid_argument(fmt::format(
+        "model: must be for pictures of {} x {} px, as the top camera's; it is for {} x {}",
+        camera.width_px, camera.height_px, trained.width, trained.height));
 }
 
 /// Whether rig and background have what the feedback needs.
@@ -52,11 +64,14 @@ void check_cameras(const Rig& rig, const ServoCameras& cameras, const ServoSetti
     return;
   }
   require(rig.top_camera != nullptr, "the role top_camera");
-  require(cameras.top.has_value(), "a background of the empty scene");
+  require(!needs_background(feedback) || cameras.top, "a background of the empty scene");
+  require(!needs_colors(feedback) || !cameras.colors.empty(), "a color model of the robot");
   require(!rig.model.plain_view || feedback == Feedback::two_cameras,
           "a view through the eye: a plain one from above has no depth; two_cameras has");
   if (feedback == Feedback::two_cameras)
     require(cameras.side != nullptr, "the role side_camera, and a background learnt with it");
+  if (needs_colors(feedback))
+    check_model_size(cameras.colors.front().model.image_size, rig.top_camera->info());
 }
 
 /// The localizer's model with the calibration on the known retina (thesis 6.2): the image's scale
@@ -81,12 +96,24 @@ ObservationSource::ObservationSource(Clock& clock, Rig& rig, Recorder& recorder,
                  usual_period(rig, by_pose_)) {
   check_cameras(rig, cameras, settings);
   const RigModel model = corrected(rig.model, settings.view);
-  if (!by_pose_) view_.emplace(*cameras.top);
-  if (!by_pose_)
-    localizer_.emplace(model, std::move(*cameras.top), settings.axis, settings.axis_uncertainty(),
-                       settings.view.image_scale != 1);
-  else if (settings.by_pose && rig.top_camera != nullptr)
-    rehearsed_.emplace(model, rig.top_camera->info(), settings.axis);
+  if (by_pose_) {
+    if (settings.by_pose && rig.top_camera != nullptr)
+      rehearsed_.emplace(model, rig.top_camera->info(), settings.axis);
+    return;
+  }
+  const auto add = [&](std::unique_ptr<RobotEye> eye, bool wants_ground) {
+    eyes_.push_back(
+        {std::make_unique<Localizer>(model, std::move(eye), settings.axis,
+                                     settings.axis_uncertainty(), settings.view.image_scale != 1),
+         wants_ground});
+  };
+  if (needs_colors(feedback_)) {
+    add(color_eye(cameras.colors), false);
+    gate_.emplace(settings.law == ControlLaw::rotating ? kUnexplainedSwimmer : kUnexplained);
+  }
+  if (!needs_background(feedback_)) return;
+  view_.emplace(*cameras.top);
+  add(background_eye(model, std::move(*cameras.top)), true);
 }
 
 double ObservationSource::period() const {
@@ -94,7 +121,11 @@ double ObservationSource::period() const {
 }
 
 void ObservationSource::expect_axis(const Eigen::Vector3d& axis) {
-  if (localizer_) localizer_->expect_axis(axis);
+  for (Eye& eye : eyes_) eye.localizer->expect_axis(axis);
+}
+
+void ObservationSource::expect_motion(double acts, const Eigen::Vector3d& velocity) {
+  if (gate_) gate_->driven(acts, velocity);
 }
 
 /// Both kinds give nothing for a frame that is passed over, and then the next is waited for; an
@@ -127,18 +158,24 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_camera(Tim
   ObservedFrame found{rig_.top_camera->grab(patience), {}};
   if (!validator_.plausible(found.frame)) return std::nullopt;
   validator_.must_change(found.frame.image);
-  const cv::Mat gray = as_gray(found.frame.image);
-  found.observation = localizer_->look(gray);
-  found.observation.position = validator_.finite(found.observation.position);
-  reject_implausible(found.observation);
-  reject_other_view(found, gray);
+  const std::string other = other_view(found.frame.image);
+  std::vector<Observation> seen;
+  for (Eye& eye : eyes_) seen.push_back(look(eye, found.frame, other.empty()));
+  found.observation = chosen(std::move(seen), to_seconds(found.frame.exposed));
+  if (!found.observation.position) found.distrusted = other;
   if (found.observation.position) *found.observation.position += offset_;
+  join(found);
+  return found;
+}
+
+/// What the side camera adds, and a plain view's depth.
+void ObservationSource::join(ObservedFrame& found) {
   bool joined = false;
   if (feedback_ == Feedback::two_cameras && found.observation.position) {
     // Its frame may come a little later; without it this observation has one camera.
     auto view = side_->at(found.frame.exposed, clock_.now() + from_seconds(period() / 2));
     if (view) {
-      localizer_->straighten(*view);
+      eyes_.front().localizer->straighten(*view);
       join_side(found.observation, *view);
       join_side_axis(found.observation, *view);
       found.observation.pair_skew = to_seconds(view->skew);
@@ -146,31 +183,83 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_camera(Tim
     joined = view.has_value();
   }
   if (rig_.model.plain_view && !joined) found.observation.position.reset();  // without a depth
-  return found;
 }
 
-/// An outline that no position of the robot explains, or of which a quarter is hidden, is a vessel,
-/// a speck, or the robot behind one (docs/safety.md).
+/// One eye's own answer, held against all that can be known of it alone.
+Observation ObservationSource::look(Eye& eye, const Frame& frame, bool ground_fits) {
+  Observation observation = eye.localizer->look(frame.image);
+  observation.position = validator_.finite(observation.position);
+  reject_implausible(eye, observation);
+  if (eye.wants_ground && !ground_fits) observation.position.reset();
+  reject_misplaced(eye, to_seconds(frame.exposed), observation);
+  return observation;
+}
+
+/// The one that steers. Without one the first that has an outline, for the record and the page.
+Observation ObservationSource::chosen(std::vector<Observation> seen, double time) {
+  const auto eye = choice_.choose(seen);
+  if (choice_.contradicted() && !was_contradicted_)
+    recorder_.event(clock_.now(), "degraded",
+                    "the eyes see the robot in different places: neither is believed");
+  was_contradicted_ = choice_.contradicted();
+  if (!eye) {
+    for (Observation& one : seen) one.position.reset();
+    for (Observation& one : seen)
+      if (one.ellipse) return std::move(one);
+    return std::move(seen.front());
+  }
+  if (eyes_.size() > 1 && eye_ != eye)
+    recorder_.event(clock_.now(), "eye",
+                    fmt::format("the robot is seen by {}", eyes_[*eye].localizer->eye().name()));
+  eye_ = eye;
+  if (gate_) gate_->believed(time, *seen[*eye].position, seen[*eye].noise());
+  return std::move(seen[*eye]);
+}
+
+/// An outline that no position of the robot explains, or of which a large part is hidden, is a
+/// vessel, a speck, or the robot behind one (docs/safety.md).
 /// The ellipse stays in the observation, so that the record and the page show what was taken for
 /// the robot.
-void ObservationSource::reject_implausible(Observation& observation) {
-  const bool implausible =
-      observation.position && (observation.residual_px > kLargestResidual_px ||
-                               observation.ellipse->inlier_fraction < kLeastRim);
+void ObservationSource::reject_implausible(Eye& eye, Observation& observation) {
+  const bool implausible = observation.position && (observation.residual_px > kLargestResidual_px ||
+                                                    observation.ellipse->inlier_fraction <
+                                                        eye.localizer->eye().least_rim());
   if (implausible) observation.position.reset();
-  if (implausible && !was_implausible_)
+  if (implausible && !eye.was_implausible)
     recorder_.event(clock_.now(), "degraded",
                     "what is tracked does not look like the robot: it counts as not seen");
-  was_implausible_ = implausible;
+  eye.was_implausible = implausible;
 }
 
-/// A camera that was moved shows the robot where it is not.
-void ObservationSource::reject_other_view(ObservedFrame& found, const cv::Mat& gray) {
-  found.distrusted = view_->fault(gray);
-  if (!found.distrusted.empty()) found.observation.position.reset();
-  if (!found.distrusted.empty() && !was_other_view_)
-    recorder_.event(clock_.now(), "degraded", "top_camera: " + found.distrusted);
-  was_other_view_ = !found.distrusted.empty();
+/// An eye that has taken something else for the robot follows it on; told so for some pictures, it
+/// searches anew.
+void ObservationSource::reject_misplaced(Eye& eye, double time, Observation& observation) {
+  if (!gate_ || !observation.position) return;
+  if (gate_->admits(time, *observation.position, observation.noise())) {
+    eye.refused = 0;
+    eye.was_refused = false;
+    return;
+  }
+  observation.position.reset();
+  if (!std::exchange(eye.was_refused, true))
+    recorder_.event(clock_.now(), "degraded",
+                    fmt::format("{}: what is tracked is where the currents cannot have taken the "
+                                "robot: it counts as not seen",
+                                eye.localizer->eye().name()));
+  if (++eye.refused < kRefusals) return;
+  eye.localizer->forget();
+  eye.refused = 0;
+}
+
+/// A camera that was moved shows the robot where it is not. Why; empty where it was not, or where
+/// no ground was learnt.
+std::string ObservationSource::other_view(const cv::Mat& picture) {
+  if (!view_) return {};
+  std::string why = view_->fault(as_gray(picture));
+  if (!why.empty() && !was_other_view_)
+    recorder_.event(clock_.now(), "degraded", "top_camera: " + why);
+  was_other_view_ = !why.empty();
+  return why;
 }
 
 }  // namespace vitreo

@@ -8,15 +8,21 @@
 #include "host/record/recorder.h"
 #include "host/rig/rig.h"
 #include "host/servo/believed_view.h"
+#include "host/servo/eye_choice.h"
 #include "host/servo/frame_validator.h"
 #include "host/servo/localizer.h"
 #include "host/servo/observers.h"
+#include "host/servo/plant_gate.h"
 #include "host/servo/servo_settings.h"
 #include "host/servo/view_watch.h"
 
+#include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 namespace vitreo {
+struct ServoCameras;
 
 class ObservationSource {
  public:
@@ -40,28 +46,47 @@ class ObservationSource {
   const Eigen::Vector3d& offset() const { return offset_; }
   /// The robot's axis that the next frames are to show, unit, world.
   void expect_axis(const Eigen::Vector3d& axis);
+  /// What the currents that act from `acts` (s) on make of the robot, m/s: for a loop whose eyes
+  /// are held against it.
+  void expect_motion(double acts, const Eigen::Vector3d& velocity);
+  /// Whether expect_motion() is of use.
+  bool gated() const { return gate_.has_value(); }
   /// Events with the numbers of frames passed over, at the end.
   void report_counts() { validator_.report_count(); }
 
  private:
   std::optional<ObservedFrame> by_pose(Time patience);
   std::optional<ObservedFrame> by_camera(Time patience);
-  void reject_implausible(Observation& observation);
-  void reject_other_view(ObservedFrame& found, const cv::Mat& gray);
+  struct Eye {
+    std::unique_ptr<Localizer> localizer;
+    bool wants_ground;         // sees by a background that must be as it was learnt
+    int refused = 0;           // by the gate, in a row
+    bool was_refused = false;  // the event was said
+    bool was_implausible = false;
+  };
+  void join(ObservedFrame& found);
+  Observation look(Eye& eye, const Frame& frame, bool ground_fits);
+  void reject_implausible(Eye& eye, Observation& observation);
+  void reject_misplaced(Eye& eye, double time, Observation& observation);
+  std::string other_view(const cv::Mat& picture);
+  Observation chosen(std::vector<Observation> seen, double time);
 
   Clock& clock_;
   Rig& rig_;
   Recorder& recorder_;
   const Feedback feedback_;
   const bool by_pose_;
-  std::optional<Localizer> localizer_;     // of the feedbacks with a camera
+  std::vector<Eye> eyes_;  // of the feedbacks with a camera
+  EyeChoice choice_;
+  std::optional<std::size_t> eye_;         // that steers
+  std::optional<PlantGate> gate_;          // of the feedbacks by color
   std::optional<BelievedView> rehearsed_;  // of the same in a dry run
   SideObservationBuffer* const side_;
   FrameValidator validator_;
   Eigen::Vector3d offset_{0, 0, 0};
-  std::optional<ViewWatch> view_;  // of the feedbacks with a camera
-  bool was_implausible_ = false;
+  std::optional<ViewWatch> view_;  // of the feedbacks by a background
   bool was_other_view_ = false;
+  bool was_contradicted_ = false;
 };
 
 }  // namespace vitreo

@@ -21,6 +21,7 @@
 #include <utility>
 
 namespace vitreo {
+struct ServoCameras;
 
 enum class ServoState { searching, holding, following, released, lost, failed, closed };
 const char* to_string(ServoState state);

@@ -266,13 +266,26 @@ ControlMode Servo::Loop::control_mode() const {
 void Servo::Loop::send(const control::Currents& wanted) {
   const std::vector<double> sent =
       rig.coils->reachable({wanted.data(), static_cast<std::size_t>(wanted.size())});
-  report_nearness(
-      Eigen::Map<const Eigen::VectorXd>(sent.data(), static_cast<Eigen::Index>(sent.size())));
+  const Eigen::Map<const Eigen::VectorXd> currents(sent.data(),
+                                                   static_cast<Eigen::Index>(sent.size()));
+  report_nearness(currents);
+  expect_motion(currents);
   rig.coils->set_currents(sent);
+}
+
+void Servo::Loop::expect_motion(const control::Currents& currents) {
+  if (status.position) expected_at = *status.position;
+  if (!source.gated() || !expected_at) return;
+  const RigModel& model = rig.model;
+  const Eigen::Vector3d force = control::force_at(model.field, model.robot, model.medium, currents,
+                                                  model.field.nearest_valid(*expected_at));
+  source.expect_motion(to_seconds(clock.now()) + model.command_delay,
+                       controller.drag_at(*expected_at).inverse() * force);
 }
 
 void Servo::Loop::switch_off() {
   if (rotating) rotating->stop();
+  expect_motion(control::Currents::Zero(rig.model.field.coils()));
   rig.coils->set_currents(
       std::vector<double>(static_cast<std::size_t>(rig.coils->channels()), 0.0));
 }

@@ -11,6 +11,7 @@
 #include "host/servo/robot_clearance.h"
 #include "host/servo/rotating_drive.h"
 #include "host/servo/servo.h"
+#include "host/servo/servo_cameras.h"
 #include "host/servo/servo_controller.h"
 #include "host/servo/servo_record.h"
 #include "host/servo/wall_watch.h"
@@ -74,6 +75,8 @@ struct Servo::Loop {
   /// currents stay as they are (thesis 6.1, case a).
   ControlMode control_mode() const;
   void send(const control::Currents& wanted);
+  /// Where these currents take the robot, by the model, weight included.
+  void expect_motion(const control::Currents& currents);
   void switch_off();
   /// For mean_correction(): a sliding window of the velocities asked for.
   void remember(double time, const Eigen::Vector3d& correction);
@@ -120,8 +123,9 @@ struct Servo::Loop {
     bool begun = false;
     bool over = true;
   } fall;
-  Time taken_at{};        // when a measurement was last taken
-  std::string not_taken;  // why the last one was not
+  Time taken_at{};                             // when a measurement was last taken
+  std::string not_taken;                       // why the last one was not
+  std::optional<Eigen::Vector3d> expected_at;  // m, world: where the robot was seen last
   ServoStatus status;
   Signal ticked;
   std::deque<std::pair<double, Eigen::Vector3d>> corrections;  // s, m/s

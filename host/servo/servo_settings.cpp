@@ -10,16 +10,19 @@
 namespace vitreo {
 
 const char* to_string(Feedback feedback) {
-  constexpr const char* kNames[] = {"none", "one_camera", "two_cameras", "pose_sensor"};
+  constexpr const char* kNames[] = {"none",        "one_camera", "two_cameras",
+                                    "pose_sensor", "color",      "color_and_background"};
   return kNames[static_cast<std::size_t>(feedback)];
 }
 
 Feedback feedback_named(const std::string& name) {
   for (const Feedback feedback :
-       {Feedback::none, Feedback::one_camera, Feedback::two_cameras, Feedback::pose_sensor})
+       {Feedback::none, Feedback::one_camera, Feedback::two_cameras, Feedback::pose_sensor,
+        Feedback::color, Feedback::color_and_background})
     if (name == to_string(feedback)) return feedback;
   throw std::invalid_argument(
-      "feedback: wants \"none\", \"one_camera\", \"two_cameras\" or \"pose_sensor\", got \"" +
+      "feedback: wants \"none\", \"one_camera\", \"two_cameras\", \"pose_sensor\", \"color\" or "
+      "\"color_and_background\", got \"" +
       name + "\"");
 }
 

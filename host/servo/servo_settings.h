@@ -8,7 +8,6 @@
 #include "host/servo/robot_clearance.h"
 #include "host/servo/rotating_law.h"
 #include "host/servo/servo_controller.h"
-#include "vision/background.h"
 
 #include <Eigen/Core>
 
@@ -18,17 +17,23 @@
 
 namespace vitreo {
 
-class SideObservationBuffer;
-
 /// Source of the robot's position (thesis 6.1). none: the top camera, as an operator's eye, only
 /// while a position is to be reached; a robot that is released has the constant currents of the
 /// position where the trim was found. pose_sensor: the simulator's truth, late and noisy; only a
-/// simulated rig has one.
-enum class Feedback { none, one_camera, two_cameras, pose_sensor };
+/// simulated rig has one. All by what differs from a learnt background, but color: the top camera,
+/// by learnt colors and shape (thesis 8); color_and_background: by the one of both that sees
+/// better.
+enum class Feedback { none, one_camera, two_cameras, pose_sensor, color, color_and_background };
 const char* to_string(Feedback feedback);
 /// Whether the loop sees the robot by the top camera.
 constexpr bool looks(Feedback feedback) {
-  return feedback == Feedback::one_camera || feedback == Feedback::two_cameras;
+  return feedback != Feedback::none && feedback != Feedback::pose_sensor;
+}
+constexpr bool needs_colors(Feedback feedback) {
+  return feedback == Feedback::color || feedback == Feedback::color_and_background;
+}
+constexpr bool needs_background(Feedback feedback) {
+  return feedback != Feedback::pose_sensor && feedback != Feedback::color;
 }
 /// Throws std::invalid_argument with the names there are.
 Feedback feedback_named(const std::string& name);
@@ -72,12 +77,6 @@ struct ServoSettings {
   ClearanceBelief clearance_belief() const;  // of attitude and view, as the loop has them
   void check() const;                        // throws std::invalid_argument naming the setting
   ViewCorrection view;                       // of the rig's own view
-};
-
-/// Viewing systems of the loop besides the rig's own: learnt by Session::learn_background.
-struct ServoCameras {
-  std::optional<vision::Background> top;  // of the empty scene; not for the pose sensor
-  SideObservationBuffer* side = nullptr;  // for two cameras
 };
 
 /// Throws std::invalid_argument naming the position where the robot cannot be taken: outside the

@@ -37,6 +37,7 @@ const Library& library() {
                                             &color_model_class(),
                                             &tracker_class(),
                                             &background_tracker_class(),
+                                            &retina_map_class(),
                                             &autofocus_class(),
                                             &localizer_class(),
                                             &viewing_chain_class(),

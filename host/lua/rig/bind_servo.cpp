@@ -6,7 +6,9 @@
 #include "host/lua/rig/bind_rig.h"
 #include "host/lua/rig/classes.h"
 #include "host/lua/rig/servo_calls.h"
+#include "host/lua/vision/bind_vision.h"
 #include "host/servo/servo.h"
+#include "host/servo/servo_cameras.h"
 #include "host/text/units.h"
 
 #include <fmt/format.h>
@@ -407,15 +409,30 @@ std::vector<Binding> servo_rows() {
 void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras& eyes) {
   if (settings.feedback == Feedback::pose_sensor && !rehearsal.pose_sensor)
     throw std::invalid_argument("feedback: pose_sensor needs that role, and this rig has none");
-  if (settings.feedback != Feedback::pose_sensor && !eyes.top)  // as the run itself would say it
-    throw std::invalid_argument(std::string("feedback \"") + to_string(settings.feedback) +
-                                "\" needs a background of the empty scene");
+  const auto need = [&settings](bool there, const char* what) {  // as the run itself would say it
+    if (!there)
+      throw std::invalid_argument(std::string("feedback \"") + to_string(settings.feedback) +
+                                  "\" needs " + what);
+  };
+  need(!needs_background(settings.feedback) || eyes.top, "a background of the empty scene");
+  need(!needs_colors(settings.feedback) || !eyes.colors.empty(), "a color model of the robot");
   // By the feedback of the run itself, which is replaced below.
   settings.by_pose = settings.feedback != Feedback::pose_sensor;
   settings.stays_in_sight = looks(settings.feedback);
   if (settings.feedback != Feedback::none)
     settings.feedback = Feedback::pose_sensor;  // else it is let go as it was
   if (rehearsal.bring_robot) rehearsal.bring_robot();
+}
+
+/// The models of an eye by color; none for a feedback without one.
+std::vector<vision::TrackedObject> color_objects(const Call& call) {
+  std::vector<vision::TrackedObject> objects;
+  if (option_given(call, "model"))
+    objects.push_back({call.handle_option<TrainedModel>("model").model, {}});
+  if (!option_given(call, "models")) return objects;
+  if (!objects.empty()) throw std::invalid_argument("options: wants either model or models");
+  for (const TrainedModel* trained : models_option(call)) objects.push_back({trained->model, {}});
+  return objects;
 }
 
 /// The roles by whose measurements the loop would turn in the run itself.
@@ -431,11 +448,12 @@ std::set<std::string> sources_of(Feedback feedback) {
 // handed on as what it changes of the rig's own: the scale of its image and its offset.
 int open_servo(Call& call) {
   Session& session = session_of(call.L);
-  ServoCameras eyes{{}, session.side_observations()};
+  ServoCameras eyes{{}, session.side_observations(), {}};
   if (call.push_option("background"))
     eyes.top = call.handle_option<vision::Background>("background");
   lua_pop(call.L, 1);
   ServoSettings settings = settings_of(call);
+  eyes.colors = color_objects(call);
   if (call.push_option("view")) {
     const auto& view = call.handle_option<localizer_calls::Localizer>("view");
     settings.view = {view.settings.image.pixel / session.rig.model.top_image.pixel, view.offset};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/vision/bind_vision.h"
 
+#include "devices/roles/gray.h"
 #include "host/config/config.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
@@ -186,7 +187,8 @@ Argument labeled_argument() {
           .help = "{{image = image, mask = image}, ...}, as vision.training gives"};
 }
 
-/// The pixels are shared, not copied: nothing changes an image once it is made.
+/// The pixels are shared, not copied: nothing changes an image once it is made. A gray camera's are
+/// colors without hue.
 std::vector<vision::LabeledImage> labeled_option(const Call& call) {
   std::vector<vision::LabeledImage> images;
   each_of_list(call, "images", [&](int index, const std::string& where) {
@@ -195,7 +197,7 @@ std::vector<vision::LabeledImage> labeled_option(const Call& call) {
                                   kind_of(call.L, index));
     lua_getfield(call.L, index, "image");
     lua_getfield(call.L, index, "mask");
-    images.push_back({image_at(call.L, index + 1, where + ": image").pixels,
+    images.push_back({as_color(image_at(call.L, index + 1, where + ": image").pixels),
                       image_at(call.L, index + 2, where + ": mask").pixels});
   });
   return images;
@@ -240,8 +242,9 @@ Argument handle_row(const char* name, const char* kind, const char* help, bool o
 const std::vector<Binding>& vision_functions() {
   static const std::vector<Binding> functions = [] {
     std::vector<Binding> all;
-    for (auto rows : {vision_image_rows(), vision_model_rows(), vision_tracker_rows(),
-                      vision_background_rows(), vision_focus_rows(), vision_mosaic_rows()})
+    for (auto rows :
+         {vision_image_rows(), vision_model_rows(), vision_tracker_rows(), vision_background_rows(),
+          vision_focus_rows(), vision_mosaic_rows(), vision_retina_rows()})
       for (Binding& row : rows) all.push_back(std::move(row));
     return all;
   }();

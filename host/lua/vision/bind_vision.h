@@ -71,5 +71,6 @@ std::vector<Binding> vision_focus_rows();
 /// A method of image.
 Binding focus_row();
 std::vector<Binding> vision_mosaic_rows();
+std::vector<Binding> vision_retina_rows();
 
 }  // namespace vitreo::lua

@@ -1,5 +1,6 @@
 // Bindings of tracker: objects followed by color and shape, frame by frame.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/roles/gray.h"
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/vision/bind_vision.h"
 #include "host/lua/vision/classes.h"
@@ -59,11 +60,11 @@ int make_tracker(Call& call) {
 }
 
 /// The time is the tracker's alone: CPU time of this thread, measured round the call, so that
-/// neither other threads nor the map's copy count.
+/// neither other threads nor the map's copy count. A gray image is one without hue.
 int update(Call& call) {
   auto& [tracker, objects] = call.self<Tracker>();
   const double start = cpu_seconds();
-  const std::vector<vision::Track>& tracks = tracker.update(call.handle<Image>(0).pixels);
+  const std::vector<vision::Track>& tracks = tracker.update(as_color(call.handle<Image>(0).pixels));
   const double took = cpu_seconds() - start;
   ResultTable table(call);
   table

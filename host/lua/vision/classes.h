@@ -13,6 +13,7 @@ const Class& video_class();
 const Class& color_model_class();
 const Class& tracker_class();
 const Class& background_tracker_class();
+const Class& retina_map_class();
 const Class& autofocus_class();
 /// The module `vision`.
 const std::vector<Binding>& vision_functions();

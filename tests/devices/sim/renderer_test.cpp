@@ -264,6 +264,28 @@ TEST(Fundus, APhotographLiesOnTheRetinaTheRightWayRound) {
   EXPECT_EQ(fundus.reflectance(7e-3, 6e-3), 0) << "beyond its edge";
 }
 
+TEST(Fundus, APhotographHasItsColorsAndLiesWhereItIsMovedTo) {
+  const std::string file = testing::TempDir() + "vitreo_fundus_color_test.png";
+  cv::Mat picture(100, 200, CV_8UC3, cv::Scalar(0, 51, 0));
+  picture(cv::Rect(150, 0, 50, 50)).setTo(cv::Scalar(102, 204, 51));  // blue, green, red
+  ASSERT_TRUE(cv::imwrite(file, picture));
+  const Fundus fundus = Fundus::photograph(file, 20e-3);
+  std::remove(file.c_str());
+  ASSERT_TRUE(fundus.has_color());
+  EXPECT_FALSE(Fundus::drawn(3, 15e-3).has_color());
+  EXPECT_NEAR(fundus.color(7e-3, 3e-3)[0], 0.4, 1e-3);
+  EXPECT_NEAR(fundus.color(7e-3, 3e-3)[2], 0.2, 1e-3);
+  cv::Mat points(1, 2, CV_64FC2);
+  points.at<cv::Vec2d>(0, 0) = {7e-3, 3e-3};
+  points.at<cv::Vec2d>(0, 1) = {std::nan(""), 0};
+  EXPECT_NEAR(painted_ground(points, fundus, {0, 0}, false).at<float>(0, 0), 0.8, 1e-3);
+  EXPECT_NEAR(painted_ground(points, fundus, {14e-3, 0}, false).at<float>(0, 0), 0.2, 1e-3)
+      << "moved to the right, its left side lies there";
+  const cv::Mat color = painted_ground(points, fundus, {0, 0}, true);
+  EXPECT_NEAR(color.at<cv::Vec3f>(0, 0)[2], 0.2, 1e-3);
+  EXPECT_EQ(color.at<cv::Vec3f>(0, 1), cv::Vec3f(0, 0, 0)) << "a line that misses the retina";
+}
+
 TEST(Fundus, APhotographThatCannotBeReadIsNamed) {
   EXPECT_THROW(Fundus::photograph("no_such_file.png", 30e-3), std::invalid_argument);
 }

@@ -6,6 +6,7 @@
 #include "host/rig/open_rig.h"
 #include "host/servo/observers.h"
 #include "host/servo/servo.h"
+#include "host/servo/servo_cameras.h"
 #include "host/session/progress_listener.h"
 #include "host/session/session.h"
 

@@ -85,6 +85,8 @@ local video, views = vision.video { file = "recorded.avi" }, {}
 for i = 1, 3 do views[i] = image:crop { x = 30 * i, y = 10 * i, width = 200, height = 180 } end
 search:next()
 local track = tracker:update(image).tracks[1]
+local retina_map = vision.retina_map {}
+retina_map:update(image)
 )";
 
 constexpr const char* kServo = R"(
