@@ -108,6 +108,13 @@ TEST(ColorFeedback, ADriftingPhotographIsAsGoodAsAStillOne) {
   }
 }
 
+TEST(ColorFeedback, TheBackgroundsEyeFailsWhereTheGroundDriftsAndColorTakesOver) {
+  EXPECT_EQ(color_square({.drift = 1e-3}, Feedback::one_camera).state, "lost");
+  const Round both = color_square({.drift = 1e-3}, Feedback::color_and_background);
+  EXPECT_EQ(both.state, "holding");
+  EXPECT_LT(both.worst, kWrong);
+}
+
 TEST(ColorFeedback, NothingIsSteeredByWithoutARobot) {
   TemporaryFolder folder;
   TestBench bench(1, {}, color_rig(folder, {.gray_vessels = true}));
