@@ -1,9 +1,13 @@
-// Convex bodies of known size, as the localizer models them: superquadrics, with ellipsoid,
-// cylinder and box among them.
+// Bodies of known size, as the localizer models them: superquadrics, with ellipsoid, cylinder and
+// box among them, and unions of convex parts.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "optics/pose/body_part.h"
+
 #include <Eigen/Core>
+
+#include <vector>
 
 namespace vitreo::optics {
 
@@ -14,9 +18,12 @@ struct ObjectModel {
   Eigen::Vector3d semi_axes{0.5e-3, 0.5e-3, 1e-3};  // a, b, c; m
   double exponent_along = 1;   // e1, 0 to 1.9: how square the profile along z is
   double exponent_across = 1;  // e2, 0 to 1.9: the section across z
+  /// When given, the body is the union of these, each of which holds the origin; the three above
+  /// are not used.
+  std::vector<BodyPart> parts{};
 
-  bool ellipsoid() const { return exponent_along == 1 && exponent_across == 1; }
-  bool round_about_z() const { return exponent_across == 1 && semi_axes.x() == semi_axes.y(); }
+  bool ellipsoid() const { return parts.empty() && exponent_along == 1 && exponent_across == 1; }
+  bool round_about_z() const;
   /// In the space where the semi-axes are 1: the point of the surface with outward normal `n` (any
   /// length). Where an edge or a face has that normal, its middle.
   Eigen::Vector3d support(const Eigen::Vector3d& n) const;
@@ -28,5 +35,19 @@ ObjectModel ellipsoid(const Eigen::Vector3d& semi_axes);
 ObjectModel cylinder(double half_length, double radius);
 ObjectModel superquadric(const Eigen::Vector3d& semi_axes, double exponent_along,
                          double exponent_across);
+/// Two elliptical plates that share the axis z, in the planes of x and y: flat, or with
+/// `rounded` two thin ellipsoids. m; the thickness is the whole of it.
+ObjectModel crossed_plates(double half_length, double half_width, double thickness,
+                           bool rounded = false);
+/// A disc across z with a needle along z, from the disc's lower face up to `needle_length` above
+/// its middle. m.
+ObjectModel disc_with_needle(double radius, double thickness, double needle_length,
+                             double needle_radius);
+
+namespace detail {
+/// The convex parts whose outline is in closed form: a body's own, an ellipsoid, a cylinder. Of
+/// other superquadrics none.
+std::vector<BodyPart> convex_parts(const ObjectModel& body);
+}  // namespace detail
 
 }  // namespace vitreo::optics
