@@ -38,7 +38,7 @@ double plate_thickness(const control::Robot& robot) {
 optics::ObjectModel body_of(const control::Robot& robot) {
   const double thickness = plate_thickness(robot);
   if (robot.shape == control::BodyShape::crossed_plates && thickness > 0)
-    return optics::crossed_plates(robot.semi_axis, robot.semi_radius, thickness / 2);
+    return optics::crossed_ellipsoids(robot.semi_axis, robot.semi_radius, thickness / 2);
   return optics::ellipsoid({robot.semi_radius, robot.semi_radius, robot.semi_axis});
 }
 

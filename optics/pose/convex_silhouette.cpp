@@ -175,9 +175,14 @@ bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
 
 /// A rim point in coordinates in which the ellipse is the unit circle.
 struct OnCircle {
-  double angle;
+  Eigen::Vector2d direction;  // unit: cosine and sine of its angle
   double length;
 };
+
+/// rad, between two unit vectors.
+double angle_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return std::abs(std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b)));
+}
 
 /// Cauchy's weight of a distance in px, as the tracker's first rounds have it.
 double counted(double off_px) {
@@ -197,20 +202,21 @@ double correct(const std::vector<Eigen::Vector2d>& rim, RimFit fit, Eigen::Vecto
   there.reserve(rim.size());
   for (const Eigen::Vector2d& point : rim) {
     const Eigen::Vector2d q = inverse * (point - center);
-    there.push_back({std::atan2(q.y(), q.x()), q.norm()});
+    const double length = q.norm();
+    there.push_back({q / length, length});
   }
   const std::size_t count = rim.size();
   const double size = std::sqrt(std::abs(shape.determinant()));  // px
   Eigen::Matrix<double, 5, 5> matrix = Eigen::Matrix<double, 5, 5>::Zero();
   Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
   for (std::size_t i = 0; i < count; ++i) {
-    const double after = there[(i + 1) % count].angle;
-    const double before = there[(i + count - 1) % count].angle;
-    double weight = std::abs(std::remainder(after - before, kTurn));
+    double weight =
+        angle_between(there[(i + count - 1) % count].direction, there[(i + 1) % count].direction);
     if (fit == RimFit::robust) weight *= counted((there[i].length - 1) * size);
-    const double angle = there[i].angle;
+    const double cosine = there[i].direction.x();
+    const double sine = there[i].direction.y();
     Eigen::Matrix<double, 5, 1> by;
-    by << std::cos(angle), std::sin(angle), 1, std::cos(2 * angle), std::sin(2 * angle);
+    by << cosine, sine, 1, cosine * cosine - sine * sine, 2 * sine * cosine;
     matrix += weight * by * by.transpose();
     right += weight * (there[i].length - 1) * by;
   }

@@ -3,6 +3,7 @@
 
 #include "optics/numerics/preconditions.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -53,7 +54,27 @@ Eigen::Vector3d ObjectModel::support(const Eigen::Vector3d& n) const {
   return point;
 }
 
+/// Of the parts those count that are balls or cylinders along z on the axis.
+bool ObjectModel::round_about_z() const {
+  if (parts.empty()) return exponent_across == 1 && semi_axes.x() == semi_axes.y();
+  return std::all_of(parts.begin(), parts.end(), [](const BodyPart& part) {
+    return part.semi_axes.x() == part.semi_axes.y() && part.center.head<2>().isZero(0) &&
+           std::abs(part.orientation(2, 2)) == 1;
+  });
+}
+
+/// The origin must lie in each part: the outline is star-shaped about its image only then.
 void ObjectModel::check() const {
+  for (const BodyPart& part : parts) {
+    part.check();
+    const Eigen::Vector3d origin =
+        (part.orientation.transpose() * -part.center).cwiseQuotient(part.semi_axes);
+    const bool ball = part.kind == BodyPart::Kind::ball;
+    const double out =
+        ball ? origin.norm() : std::max(origin.head<2>().norm(), std::abs(origin.z()));
+    detail::require(out < 1, "parts: each must hold the origin");
+  }
+  if (!parts.empty()) return;
   detail::require(semi_axes.allFinite() && semi_axes.minCoeff() > 0, "semi_axes: must be positive");
   // towards 2 the body becomes an octahedron, whose points have no normal
   constexpr double kSharpest = 1.9;
@@ -81,13 +102,48 @@ ObjectModel cylinder(double half_length, double radius) {
   return {{radius, radius, half_length}, 0, 1, false};
 }
 
-ObjectModel crossed_plates(double half_length, double half_width, double half_thickness) {
+ObjectModel crossed_ellipsoids(double half_length, double half_width, double half_thickness) {
   return {{half_thickness, half_width, half_length}, 1, 1, true};
 }
 
 ObjectModel superquadric(const Eigen::Vector3d& semi_axes, double exponent_along,
                          double exponent_across) {
   return {semi_axes, exponent_along, exponent_across, false};
+}
+
+/// An elliptical plate is a cylinder along its own normal.
+ObjectModel crossed_plates(double half_length, double half_width, double thickness, bool rounded) {
+  const auto kind = rounded ? BodyPart::Kind::ball : BodyPart::Kind::cylinder;
+  // The plate's normal is its z; its x lies along the body's axis.
+  Eigen::Matrix3d in_x_plane;
+  in_x_plane << 0, 1, 0, 0, 0, 1, 1, 0, 0;
+  Eigen::Matrix3d in_y_plane;
+  in_y_plane << 0, 0, -1, 0, 1, 0, 1, 0, 0;
+  const Eigen::Vector3d size(half_length, half_width, thickness / 2);
+  ObjectModel body;
+  body.parts = {{kind, size, {0, 0, 0}, in_x_plane}, {kind, size, {0, 0, 0}, in_y_plane}};
+  return body;
+}
+
+ObjectModel disc_with_needle(double radius, double thickness, double needle_length,
+                             double needle_radius) {
+  const double low = -thickness / 2;
+  ObjectModel body;
+  body.parts = {{BodyPart::Kind::cylinder, {radius, radius, thickness / 2}},
+                {BodyPart::Kind::cylinder,
+                 {needle_radius, needle_radius, (needle_length - low) / 2},
+                 {0, 0, (needle_length + low) / 2}}};
+  return body;
+}
+
+std::vector<BodyPart> detail::convex_parts(const ObjectModel& body) {
+  if (!body.parts.empty()) return body.parts;
+  if (body.crossed)
+    return {{BodyPart::Kind::ball, body.semi_axes}, {BodyPart::Kind::ball, body.other().semi_axes}};
+  if (body.ellipsoid()) return {{BodyPart::Kind::ball, body.semi_axes}};
+  if (body.exponent_along == 0 && body.exponent_across == 1)
+    return {{BodyPart::Kind::cylinder, body.semi_axes}};
+  return {};
 }
 
 }  // namespace vitreo::optics

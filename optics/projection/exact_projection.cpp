@@ -144,11 +144,23 @@ std::optional<Eigen::Vector2d> ExactProjection::project(const Eigen::Vector3d& p
 /// Nothing outside the table. `z` (m) only chooses the point of the line that is its origin.
 std::optional<Ray> ExactProjection::line(const Eigen::Vector2d& m, double z) const {
   detail::require(m.allFinite() && std::isfinite(z), "m: must be finite");
-  const Eigen::Vector2d in_table = m + shift_;
-  if (symmetric_ ? !radial_.covers(in_table) : !grid_.covers(in_table)) return std::nullopt;
-  const detail::IsopixelLine line = symmetric_ ? radial_.line(in_table) : grid_.line(in_table);
+  detail::IsopixelLine line;
+  if (!this->line(m, line)) return std::nullopt;
   const Eigen::Vector2d at = line.at(z);
   return Ray{{at.x(), at.y(), z}, Eigen::Vector3d(line.slope.x(), line.slope.y(), 1).normalized()};
+}
+
+/// A grid with lost nodes has NaNs there.
+bool ExactProjection::line(const Eigen::Vector2d& m, detail::IsopixelLine& line) const {
+  const Eigen::Vector2d in_table = m + shift_;
+  if (symmetric_) {
+    if (!radial_.covers(in_table)) return false;
+    line = radial_.line(in_table);
+    return true;
+  }
+  if (!grid_.covers(in_table)) return false;
+  line = grid_.line(in_table);
+  return true;
 }
 
 }  // namespace vitreo::optics

@@ -37,6 +37,8 @@ class ExactProjection {
   /// The line of m in the vitreous: a point on it at z and the unit direction, towards +z. Nothing
   /// outside the table.
   std::optional<Ray> line(const Eigen::Vector2d& m, double z = 0) const;
+  /// The same line as x = at_retina + slope z, with its derivatives by m. False outside the table.
+  bool line(const Eigen::Vector2d& m, detail::IsopixelLine& line) const;
 
   double max_m() const { return symmetric_ ? radial_.max_m() : grid_.max_m(); }
   double max_z() const { return max_z_; }  // m; lines do not cross before

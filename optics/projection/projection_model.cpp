@@ -36,6 +36,38 @@ std::optional<Ray> ProjectionModel::line_of_sight(const Eigen::Vector2d& pixel_p
   return Ray{{0, 0, view_.viewpoint}, Eigen::Vector3d(across.x(), across.y(), 1).normalized()};
 }
 
+namespace {
+
+/// The line through the viewpoint p_0 with the slope (5.2) of |m|, turned by pi in azimuth:
+/// dx/dz = f m, f = slope(h) / h, h = |m|; its derivative is f I + f' m m^T / h.
+bool single_sight(const SingleViewpoint& view, const Eigen::Vector2d& from_axis,
+                  IsopixelLine& line) {
+  constexpr double kOnAxis = 1e-9;  // m; the cubic is its tangent there
+  const double h = from_axis.norm();
+  if (!(h <= view.max_m)) return false;
+  const double per = slope_derivative_at(view, h);
+  const double ratio = h > kOnAxis ? slope_at(view, h) / h : slope_derivative_at(view, 0);
+  line.slope = ratio * from_axis;
+  line.slope_per_m = ratio * Eigen::Matrix2d::Identity();
+  if (h > kOnAxis) line.slope_per_m += (per - ratio) / (h * h) * from_axis * from_axis.transpose();
+  line.at_retina = -view.viewpoint * line.slope;
+  line.at_retina_per_m = -view.viewpoint * line.slope_per_m;
+  return true;
+}
+
+}  // namespace
+
+/// m falls with u and grows with v (ImageScale).
+bool ProjectionModel::sight(const Eigen::Vector2d& pixel_px, IsopixelLine& line) const {
+  const Eigen::Vector2d m = image_.m_from_pixel(pixel_px);
+  if (!(exact_ ? exact_->line(m, line) : single_sight(view_, m - view_.axis_m, line))) return false;
+  for (Eigen::Matrix2d* by : {&line.at_retina_per_m, &line.slope_per_m}) {
+    by->col(0) *= -image_.pixel;
+    by->col(1) *= image_.pixel;
+  }
+  return true;
+}
+
 /// By an attempt: both projections know their own limits.
 bool ProjectionModel::inside(const Eigen::Vector3d& point) const {
   return exact_ ? exact_->project(point).has_value() : view_.project(point).has_value();

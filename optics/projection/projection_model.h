@@ -24,6 +24,9 @@ class ProjectionModel {
   std::optional<Eigen::Vector3d> viewpoint(const Eigen::Vector3d& point) const;
   /// The line of the points that a pixel shows. Nothing outside the projection.
   std::optional<Ray> line_of_sight(const Eigen::Vector2d& pixel_px) const;
+  /// The same as x = at_retina + slope z, with its derivatives by the pixel in place of m: what
+  /// silhouettes are computed from. False outside the projection.
+  bool sight(const Eigen::Vector2d& pixel_px, IsopixelLine& line) const;
   /// Whether the point is in the vitreous and has an image.
   bool inside(const Eigen::Vector3d& point) const;
   double max_z() const { return exact_ ? exact_->max_z() : view_.max_z; }

@@ -67,7 +67,7 @@ TEST(PlatesView, ShowTheTrackerWhatTheLocalizerExpects) {
   sim::Renderer renderer = from_above();
   vision::Background background;
   for (unsigned k = 0; k < 15; ++k) background.learn(renderer.render(nullptr, k));
-  const auto plates = optics::crossed_plates(1e-3, 0.5e-3, kThickness / 2);
+  const auto plates = optics::crossed_ellipsoids(1e-3, 0.5e-3, kThickness / 2);
   const auto whole = optics::ellipsoid({0.5e-3, 0.5e-3, 1e-3});
   const Eigen::Vector3d right = Eigen::Vector3d::UnitX(), up = Eigen::Vector3d::UnitY();
   unsigned frame = 20;
@@ -97,7 +97,7 @@ TEST(PlatesView, ShowTheTrackerWhatTheLocalizerExpects) {
 // is known no better than that part of the roll (docs/rotating_fields.md).
 TEST(PlatesView, ARollLooksLikeATilt) {
   const double a = 1e-3, b = 0.5e-3;
-  const auto plates = optics::crossed_plates(a, b, kThickness / 2);
+  const auto plates = optics::crossed_ellipsoids(a, b, kThickness / 2);
   const auto shape = [&](const Eigen::Matrix3d& turn) -> Eigen::Vector3d {
     return shape_of(*optics::distant_ellipse(plates, turn, Eigen::Vector3d::UnitX(),
                                              Eigen::Vector3d::UnitY(), kPixel));
@@ -146,9 +146,9 @@ class ThroughTheEye {
     SideObservation side;
     side.position = {place.x(), place.z()};
     side.covariance = 4e-12 * Eigen::Matrix2d::Identity();
-    const auto shown = optics::distant_ellipse(optics::crossed_plates(1e-3, 0.5e-3, kThickness / 2),
-                                               turn, Eigen::Vector3d::UnitX(),
-                                               Eigen::Vector3d::UnitZ(), model_.side_pixel);
+    const auto shown = optics::distant_ellipse(
+        optics::crossed_ellipsoids(1e-3, 0.5e-3, kThickness / 2), turn, Eigen::Vector3d::UnitX(),
+        Eigen::Vector3d::UnitZ(), model_.side_pixel);
     side.direction = Eigen::Vector2d(std::cos((*shown)[4]), std::sin((*shown)[4]));
     side.direction_sigma = 0.3 / ((*shown)[2] - (*shown)[3]);
     localizer.straighten(side);
