@@ -28,10 +28,12 @@ constexpr Time kForgetLag = std::chrono::milliseconds(100);
 /// How often a waiter polls before it sleeps: the baton is mostly back within microseconds, while
 /// to wake a thread on another core costs about 25 us.
 constexpr int kYields = 20;
-/// Of a task that is alone, before the others go on beside it: of its own processor time, so that a
-/// loaded machine changes no run, and of wall time, so that no dead-man (250 ms) comes first.
+/// Of a task that is alone, before the others go on beside it, of its own processor time, so that a
+/// loaded machine changes no run; less of it after so long by the wall, so that no dead-man (250
+/// ms) comes first.
 constexpr Time kAlone = std::chrono::milliseconds(50);
 constexpr Time kAloneAtMost = std::chrono::milliseconds(100);
+constexpr Time kAloneLate = std::chrono::milliseconds(10);
 /// Between two looks at a task that is alone.
 constexpr Time kRelayPeriod = std::chrono::milliseconds(5);
 
@@ -247,7 +249,8 @@ bool VirtualClock::begin_alone() {
   // One that calls the host all the time is seldom alone when relay() looks.
   const std::lock_guard lock(mutex_);
   Alone expected = Alone::with_baton;
-  if (current_ == &self && alone_state_.compare_exchange_strong(expected, Alone::away))
+  if (current_ == &self && !stays_alone() &&
+      alone_state_.compare_exchange_strong(expected, Alone::away))
     give_away(self);
   return true;
 }
@@ -280,8 +283,7 @@ Time VirtualClock::alone_for() const noexcept {
   return since == 0 ? Time(0) : Time(steady_now() - since);
 }
 
-/// Under the lock. False where the task that is alone has been so for long, by its own processor
-/// time or by the wall.
+/// Under the lock. False where the task that is alone has computed for long.
 bool VirtualClock::stays_alone() {
   if (alone_state_ != Alone::with_baton || displaced_ != nullptr) return true;
   timespec used{};
@@ -292,8 +294,8 @@ bool VirtualClock::stays_alone() {
     seen_ = {turns_, processor};
     return true;
   }
-  return processor - seen_.processor < kAlone.count() &&
-         steady_now() - moved_at_ < kAloneAtMost.count();
+  const bool late = steady_now() - moved_at_ >= kAloneAtMost.count();
+  return processor - seen_.processor < (late ? kAloneLate : kAlone).count();
 }
 
 /// Under the lock: from here on relay() has the baton, to hand it on.
