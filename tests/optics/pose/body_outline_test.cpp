@@ -1,4 +1,5 @@
-// Outlines of bodies of convex parts: closed forms, and their derivatives against differences.
+// Outlines of bodies of convex parts: against dense samples of the surface, and their derivatives
+// against differences.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/pose/body_outline.h"
 
@@ -50,6 +51,27 @@ const std::vector<BodyState> kStates{
     {{0.5 * kMm, -0.3 * kMm, 7 * kMm}, orientation_along({0.1, 0.25, 1}) * turned({0, 0, 1}), 0.9},
     {{3 * kMm, 0.2 * kMm, 4 * kMm}, orientation_along({1, 0.4, -0.3}), 1}};
 
+/// Points of a part's surface, on a lattice of some micrometers that has its edges.
+std::vector<Vector> surface_of(const BodyPart& part, int steps = 240) {
+  std::vector<Vector> unit;
+  for (int i = 0; i < 2 * steps; ++i) {
+    const double angle = std::numbers::pi * i / steps;
+    const Vector level(std::cos(angle), std::sin(angle), 0);
+    for (int j = 0; j <= steps; ++j) {
+      const double t = 2.0 * j / steps - 1;
+      if (part.kind == BodyPart::Kind::ball) {
+        const double polar = std::numbers::pi / 2 * t;
+        unit.push_back(std::cos(polar) * level + std::sin(polar) * Vector::UnitZ());
+        continue;
+      }
+      unit.push_back(level + t * Vector::UnitZ());
+      for (const double end : {-1, 1}) unit.push_back((t + 1) / 2 * level + end * Vector::UnitZ());
+    }
+  }
+  for (Vector& p : unit) p = part.center + part.orientation * p.cwiseProduct(part.semi_axes);
+  return unit;
+}
+
 TEST(BodyPart, IsTouchedAlsoSeenEndOnAndThroughItsMiddle) {
   const BodyPart rod{BodyPart::Kind::cylinder, {1, 1, 2}};
   EXPECT_NEAR(detail::touch(rod, {3, 4, 0}, {0, 0, 1}).gauge, 5, 1e-12);
@@ -60,6 +82,41 @@ TEST(BodyPart, IsTouchedAlsoSeenEndOnAndThroughItsMiddle) {
       const auto touched = detail::touch({kind, {1, 1, 2}}, {0, 0, 0}, along);
       EXPECT_EQ(touched.gauge, 0);
       EXPECT_TRUE(touched.normal.allFinite() && touched.point.allFinite() && touched.support > 0);
+    }
+  }
+}
+
+/// Both ways: no sampled point of the surface is shown outside of the outline, and at each point of
+/// the outline there is one.
+TEST(BodyOutline, IsTheHullOfTheSampledSurfacesImages) {
+  for (const bool exact : {true, false}) {
+    for (const ObjectModel& body : kBodies) {
+      const ObjectPoseSettings settings = settings_of(body, exact);
+      const detail::ProjectionModel camera(settings.projection, settings.exact, settings.image);
+      const auto parts = detail::convex_parts(body);
+      for (const BodyState& state : kStates) {
+        std::vector<Eigen::Vector2d> shown;
+        for (const BodyPart& part : parts) {
+          for (const Vector& p : surface_of(part)) {
+            shown.push_back(*camera.pixel(state.position + state.orientation * (state.scale * p)));
+          }
+        }
+        detail::IsopixelLine line;
+        double most = -1;
+        for (std::size_t i = 0; i < shown.size(); i += 7) {
+          ASSERT_TRUE(camera.sight(shown[i], line));
+          most = std::max(most, detail::outline_distance(parts, state, line).px);
+        }
+        EXPECT_LT(most, 1e-5);
+        const auto outline = detail::outline_points(parts, camera, state, 40);
+        ASSERT_TRUE(outline);
+        for (const Eigen::Vector2d& rim : *outline) {
+          double nearest = 1e9;
+          for (const auto& pixel : shown) nearest = std::min(nearest, (pixel - rim).squaredNorm());
+          EXPECT_LT(std::sqrt(nearest),
+                    0.6);  // px: half the lattice's diagonal on the largest part
+        }
+      }
     }
   }
 }
