@@ -15,6 +15,7 @@
 #include <netinet/in.h>
 #include <pwd.h>
 #include <set>
+#include <sstream>
 #include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -310,17 +311,25 @@ TEST(SweepSlurm, OnTwoNodesOfWhichOneIsKilledTheTableIsThatOfOneCoreByteForByte)
 TEST(SweepSlurm, ASoakSaysThereWhatItSaysHere) {
   if (const std::string why = no_slurm(); !why.empty()) GTEST_SKIP() << why;
   const Workplace place;
-  const std::string soak = "soak hello_rig --seeds 40 --json ";
+  const std::string soak = "soak hello_rig --seeds 24 --json ";
   const Spoken alone = place.vitreo(soak + "--jobs 1 --out alone");
   ASSERT_EQ(alone.exit_code, 0) << alone.out << alone.err;
   TwoNodes nodes;
   ASSERT_TRUE(nodes.up()) << nodes.logs();
   const Spoken there = place.vitreo(soak + "--slurm --tasks 2 --out there");
   EXPECT_EQ(there.exit_code, 0) << there.out << there.err << nodes.logs();
+  // What follows the seeds has its own wall time, and an emergency stop comes from a thread that
+  // keeps none but the wall clock's.
   const auto seeds_of = [](const std::string& text) {
-    return text.substr(0, text.rfind("{\"bad_seeds\""));  // what follows has its own wall time
+    std::string seeds;
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);)
+      if (line.find("\"digest\"") != std::string::npos &&
+          line.find("emergency stop") == std::string::npos)
+        seeds += line + "\n";
+    return seeds;
   };
-  EXPECT_EQ(std::count(there.out.begin(), there.out.end(), '\n'), 41);
+  EXPECT_EQ(std::count(there.out.begin(), there.out.end(), '\n'), 25);
   EXPECT_EQ(seeds_of(there.out), seeds_of(alone.out));
   EXPECT_NE(there.err.find("Slurm job "), std::string::npos) << there.err;
 }
