@@ -312,11 +312,11 @@ TEST(SweepSlurm, ASoakSaysThereWhatItSaysHere) {
   if (const std::string why = no_slurm(); !why.empty()) GTEST_SKIP() << why;
   const Workplace place;
   const std::string soak = "soak hello_rig --seeds 24 --json ";
-  const Spoken alone = place.vitreo(soak + "--jobs 1 --out alone");
+  const Spoken alone = place.vitreo(soak + "--jobs 1");
   ASSERT_EQ(alone.exit_code, 0) << alone.out << alone.err;
   TwoNodes nodes;
   ASSERT_TRUE(nodes.up()) << nodes.logs();
-  const Spoken there = place.vitreo(soak + "--slurm --tasks 2 --out there");
+  const Spoken there = place.vitreo(soak + "--slurm --tasks 2");
   EXPECT_EQ(there.exit_code, 0) << there.out << there.err << nodes.logs();
   // What follows the seeds has its own wall time, and an emergency stop comes from a thread that
   // keeps none but the wall clock's.

@@ -116,7 +116,6 @@ TEST(TaskAlone, ThatComesForItsTurnAgainAndAgainLeavesTheOthersTheirs) {
 
 TEST(TaskAlone, OfASimulationInRealTimeMayCallAgainAndAgainAsWell) {
   const auto clock = virtual_clock(Pace::real_time);
-  const Undisturbed usual(clock, 800ms);
   const MachineLateness machine;
   TickingLoop loop(*clock);
   clock->sleep_for(10ms);
@@ -128,8 +127,9 @@ TEST(TaskAlone, OfASimulationInRealTimeMayCallAgainAndAgainAsWell) {
     stuck = std::max(stuck, clock->stuck_for());
   }
   EXPECT_LT(stuck, 120ms + 4 * machine.worst());
-  // A simulation that is 100 ms behind goes on from there: it is slower than without.
-  EXPECT_GT(loop.turns, usual.turns / 8);
+  // The others are let by each 110 ms at the latest, and a simulation that is behind goes on from
+  // there: it is slower than without.
+  EXPECT_GT(loop.turns, 5);
 }
 
 TEST(TaskAlone, OfASimulationInRealTimeIsPassedByTheOthersBeforeAnyDeadMan) {

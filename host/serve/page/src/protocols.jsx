@@ -6,6 +6,7 @@ import { bytes, duration, label, when } from './words.js';
 import { useAction, useFetched, useKept, Wrong } from './parts.jsx';
 
 const MOST_BUTTONS = 4; // choices beyond them are a list
+const MOST_LETTERS = 32; // of all of them: more do not stand side by side at 390 px
 
 export function ProtocolList({ chosen, state }) {
   const [all, error] = useFetched('/api/protocols');
@@ -39,7 +40,7 @@ export function ProtocolList({ chosen, state }) {
 function Choice({ parameter, value, onChange }) {
   const choices = parameter.kind === 'flag' ? ['true', 'false'] : parameter.choices;
   const taken = value.split(',');
-  if (choices.length > MOST_BUTTONS)
+  if (choices.length > MOST_BUTTONS || choices.join('').length > MOST_LETTERS)
     return (
       <select id={`p_${parameter.name}`} value={value} onChange={(event) => onChange(event.target.value)}>
         {choices.map((one) => (
