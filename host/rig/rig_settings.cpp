@@ -42,6 +42,9 @@ void read_model(ConfigReader reader, RigSettings& settings) {
   const auto& robots = control::robot_names();
   model.robot = control::robot_named(
       reader.choice("robot", "coni_2mm", std::vector<std::string>(robots.begin(), robots.end())));
+  // Of its surface and, where the localizer estimates how it lies, of its outline.
+  if (reader.choice("shape", "own", {"own", "ellipsoid"}) == "ellipsoid")
+    model.robot.shape = control::BodyShape::ellipsoid;
   // Of calibrate_robot: against what outline, volume and medium say.
   model.robot.drag_along = reader.number("drag_along", 1, {0.1, 10, ""});
   model.robot.drag_across = reader.number("drag_across", 1, {0.1, 10, ""});

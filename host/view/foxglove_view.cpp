@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <map>
 #include <mutex>
@@ -256,7 +257,10 @@ void FoxgloveView::State::subscribe(int viewer, const json& wanted) {
   if (!is_new)
     throw std::invalid_argument("subscription " + std::to_string(number) + ": is there already");
   // What stands still comes once, and a slow stream seldom: not to wait for the next row.
-  for (const ChannelMessage& message : channels->first(channel - 1)) {
+  std::vector<ChannelMessage> first = channels->first(channel - 1);
+  std::stable_sort(first.begin(), first.end(),
+                   [](const auto& one, const auto& other) { return one.time < other.time; });
+  for (const ChannelMessage& message : first) {
     added->second.begin = std::max(added->second.begin, message.time);
     server.send_data(viewer, message_data(number, message));
   }

@@ -136,8 +136,8 @@ function chain.locate(calibrated, look)
   }
 end
 
---- Judges a chain by new looks: {look =, place =} each, with the robot's place in the eye's frame by truth or side camera. Returns
---- errors in depth and aside, and the part of depths within their 95 % interval.
+--- Judges a chain by new looks: {look =, place =} each, with the robot's place in the eye's frame by truth or side camera.
+--- Returns errors in depth and aside, and the part of depths within their 95 % interval.
 function chain.judge(calibrated, looks)
   local depth, aside, within, fits = {}, {}, 0, 0
   for _, one in ipairs(looks) do

@@ -12,6 +12,7 @@ return {
   pose_sensor = { driver = "simulated", frame_rate = 60 * Hz, latency = 20 * ms, noise = 4 * um },
   sample = { placement_scatter = 0 },
 
+  model = { shape = "ellipsoid" },
   truth = { drawn_as = "ellipsoid" },
 
   side_camera = false,

@@ -4,5 +4,6 @@
 return {
   base = "simulated",
   title = "Simulated OctoMag, the robot drawn as an ellipsoid",
+  model = { shape = "ellipsoid" },
   truth = { drawn_as = "ellipsoid" },
 }

@@ -5,5 +5,6 @@
 return {
   base = "spiral_coni",
   title = "Simulated OctoMag of thesis 5.5 with a CoNi robot along z",
+  model = { shape = "ellipsoid" },
   truth = { drawn_as = "ellipsoid" },
 }

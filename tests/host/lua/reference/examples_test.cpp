@@ -167,8 +167,8 @@ using Names = std::set<std::string>;
 /// Classes and modules whose examples run in one script.
 const Names kOfOptics{"optics", "optical_system", "wide_angle_map", "localizer", "axis_law"};
 const Names kOfControl{"control", "trajectory", "field_model"};
-const Names kOfVision{"vision",   "image", "video", "color_model", "tracker", "background_tracker",
-                      "autofocus"};
+const Names kOfVision{"vision",  "retina_map",         "image",    "video", "color_model",
+                      "tracker", "background_tracker", "autofocus"};
 const Names kOfServo{"servo", "background"};
 const Names kOfRig{"rig",         "camera",         "coils",          "lens_mover",
                    "sample",      "stage",          "rotation_stage", "motion",
