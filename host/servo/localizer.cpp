@@ -141,6 +141,14 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   // by its noise alone the outline would bend the axis by five degrees to save a tenth of a pixel,
   // one way or the other from frame to frame where the robot is seen from straight above.
   optics::ObjectPoseSettings weighed = *tilted_;
+  // Of plates that lie the ellipsoid's outline is off by the square of the sine of their pitch, 0.3
+  // px at 15 degrees, the plates' own by a tenth of a pixel, which is 40 um of depth: the better of
+  // the two (docs/rotating_fields.md).
+  constexpr double kLies = 0.15;  // sine of the pitch at which both are off alike
+  const bool lies = std::abs(axis_.z()) < kLies;
+  if (weighed.object.crossed && lies)
+    weighed.object = optics::ellipsoid(
+        {model_.robot.semi_radius, model_.robot.semi_radius, model_.robot.semi_axis});
   const double noise = std::sqrt(seen.covariance(2, 2));  // px, of the semi-major axis
   const double error = kOutlineError_px;
   weighed.orientation_sigma *= noise / std::hypot(noise, error);
