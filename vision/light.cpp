@@ -36,6 +36,23 @@ const std::array<float, 256>& logarithms() {
   return kTable;
 }
 
+/// Levels of one channel; what lies within one is spread evenly over it.
+struct LevelCounts {
+  std::array<int, 256> counts{};
+  double median(int of) const {
+    int below = 0;
+    for (std::size_t level = 0; level < counts.size(); ++level) {
+      if (2 * (below + counts[level]) < of) {
+        below += counts[level];
+        continue;
+      }
+      const double within = (of / 2.0 - below) / counts[level];
+      return static_cast<double>(level) - 0.5 + within;
+    }
+    return 255;
+  }
+};
+
 LogColor clamped_light(const LogColor& value, double most) { return value.max(-most).min(most); }
 
 }  // namespace
@@ -56,9 +73,9 @@ LogColor log_light(const cv::Mat& image, const cv::Mat& mask) {
   return sum / std::max(count, 1);
 }
 
-// Every second pixel of every second row.
+// Every second pixel of every second row. The median: a labeled ellipse may lie over the ground by
+// a third, and the mean would be of both.
 std::optional<LogColor> log_color_within(const cv::Mat& image, const Ellipse& ellipse) {
-  const std::array<float, 256>& ln = logarithms();
   const double a = kLightInside * ellipse.semi_major_px;
   const double b = kLightInside * ellipse.semi_minor_px;
   const double c = std::cos(ellipse.angle) / a;
@@ -66,7 +83,7 @@ std::optional<LogColor> log_color_within(const cv::Mat& image, const Ellipse& el
   const auto reach = static_cast<int>(a) + 1;
   const auto u0 = static_cast<int>(ellipse.center_px.x());
   const auto v0 = static_cast<int>(ellipse.center_px.y());
-  LogColor sum = LogColor::Zero();
+  std::array<LevelCounts, 3> levels{};
   int count = 0;
   int saturated = 0;
   for (int v = std::max(v0 - reach, 0); v < std::min(v0 + reach + 1, image.rows); v += 2) {
@@ -77,13 +94,18 @@ std::optional<LogColor> log_color_within(const cv::Mat& image, const Ellipse& el
       const double x = c * du + s * dv;
       const double y = (c * dv - s * du) * a / b;
       if (x * x + y * y > 1) continue;
-      for (int channel = 0; channel < 3; ++channel) sum[channel] += ln[row[u][channel]];
+      for (std::size_t channel = 0; channel < 3; ++channel)
+        ++levels[channel].counts[row[u][static_cast<int>(channel)]];
       saturated += std::max({row[u][0], row[u][1], row[u][2]}) >= kLightSaturated;
       ++count;
     }
   }
   if (count < kFewestInside || saturated > kMostSaturated * count) return std::nullopt;
-  return sum / count;
+  LogColor color;
+  for (std::size_t channel = 0; channel < 3; ++channel)
+    color[static_cast<Eigen::Index>(channel)] =
+        std::log(std::max(levels[channel].median(count), 0.5));
+  return color;
 }
 
 void LightTable::set(const LogColor& gains) {

@@ -23,8 +23,8 @@ using LogColor = Eigen::Array3d;
 /// where it is not 0.
 LogColor log_light(const cv::Mat& image, const cv::Mat& mask = {});
 
-/// The same of what lies within three quarters of an ellipse. Nothing where a tenth of it is
-/// saturated, or it is not in the image: that says nothing of the light.
+/// Logarithm of each channel's median within three quarters of an ellipse. Nothing where a tenth of
+/// it is saturated, or it is not in the image: that says nothing of the light.
 std::optional<LogColor> log_color_within(const cv::Mat& image, const Ellipse& ellipse);
 
 /// What the training images' light was.
