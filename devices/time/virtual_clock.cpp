@@ -43,6 +43,7 @@ struct VirtualEntry : TaskEntry {
   std::uint64_t number = 0;  // order of spawning, for tasks of the same name
   std::condition_variable turn;
   Time due{};
+  bool waits = false;  // for its turn; under the lock, until its own thread has woken
 };
 
 /// The order of tasks, the same in every run: due time, then name, then order of spawning. Nothing
@@ -97,7 +98,8 @@ class VirtualClock final : public Clock, public TurnSharing {
  private:
   void run(VirtualEntry& entry, std::function<void()>& body);
   VirtualEntry& running();
-  void come_back();
+  VirtualEntry& come_back();
+  void await_turn(std::unique_lock<std::mutex>& lock, VirtualEntry& self);
   void throw_if_stopped(VirtualEntry& self);
   void hand_over(VirtualEntry& self, Time due, const Signal* signal = nullptr);
   bool gives_up_displaced(const VirtualEntry& self);
@@ -164,25 +166,35 @@ class VirtualClock final : public Clock, public TurnSharing {
 /// The caller's entry; every call but now() begins here. Throws std::logic_error for a thread that
 /// does not hold the baton and was not displaced.
 VirtualEntry& VirtualClock::running() {
-  if (current_.load()->thread != std::this_thread::get_id()) come_back();
-  return *current_;
+  // Looked at once: a watchdog may take the baton at any moment.
+  VirtualEntry* const holder = current_;
+  return holder->thread == std::this_thread::get_id() ? *holder : come_back();
+}
+
+/// Until its own thread is awake a task that was handed the baton still waits (break_in()).
+void VirtualClock::await_turn(std::unique_lock<std::mutex>& lock, VirtualEntry& self) {
+  self.waits = true;
+  self.turn.wait(lock, [&] { return current_ == &self; });
+  self.waits = false;
 }
 
 /// A displaced task waits for a new turn; for any other thread the call is an error.
-void VirtualClock::come_back() {
+VirtualEntry& VirtualClock::come_back() {
   std::unique_lock lock(mutex_);
-  if (current_.load()->thread == std::this_thread::get_id()) return;  // given back meanwhile
+  if (VirtualEntry* const holder = current_; holder->thread == std::this_thread::get_id())
+    return *holder;  // given back meanwhile
   VirtualEntry* const self = displaced_;
   if (!self || self->thread != std::this_thread::get_id())
     throw std::logic_error("virtual clock: called by a thread that does not hold the baton");
   self->due = now();  // from kForever: it may be chosen again
-  self->turn.wait(lock, [&] { return current_ == self; });
-  displaced_ = nullptr;
+  await_turn(lock, *self);
+  return *self;
 }
 
 /// Becomes a task in two ways: in turn, when a task hands the baton over within `patience`
 /// (choose() prefers the intruder), or by force. Then the holder still runs, outside of all tasks,
-/// until its next call of the clock, and is not chosen until then: its due time is kForever.
+/// until its next call of the clock, and is not chosen until then: its due time is kForever. One
+/// that was handed the baton and has not woken yet does not run: it waits for another turn.
 bool VirtualClock::break_in(Time patience) {
   intruder_.name = "watchdog";
   intruder_.thread = std::this_thread::get_id();
@@ -195,8 +207,8 @@ bool VirtualClock::break_in(Time patience) {
   intruder_waits_ = false;
   if (!in_turn) {
     VirtualEntry* const holder = current_;
-    holder->due = kForever;
-    displaced_ = holder;
+    holder->due = holder->waits ? now() : kForever;
+    displaced_ = holder->waits ? nullptr : holder;
     current_ = &intruder_;
   }
   intruder_.number = ++births_;
@@ -266,7 +278,7 @@ bool VirtualClock::end_alone() {
     // From kForever: it may be chosen. After what the wall clock has made due meanwhile.
     const Time wall(steady_now() - origin_.time_since_epoch().count());
     self->due = std::min(self->due, std::max(now(), wall));
-    self->turn.wait(lock, [&] { return current_ == self; });
+    await_turn(lock, *self);
     away_ = nullptr;
     reclaimed_ = false;
     ++turns_;
@@ -313,7 +325,9 @@ void VirtualClock::relay() {
   relay_.name = "relay";
   std::unique_lock lock(mutex_);
   while (!over_) {
+    relay_.waits = true;
     relay_.turn.wait_for(lock, kRelayPeriod, [this] { return over_ || current_ == &relay_; });
+    relay_.waits = false;
     if (over_) return;
     if (current_ != &relay_) {
       if (stays_alone()) continue;
@@ -375,12 +389,13 @@ void VirtualClock::hand_over(VirtualEntry& self, Time due, const Signal* signal)
     const std::lock_guard lock(mutex_);
     self.due = std::max(due, now());  // the time never goes back
     self.signal = signal;
+    self.waits = true;
     if (!gives_up_displaced(self)) pass_baton();
   }
   for (int i = 0; i < kYields && current_ != &self; ++i) std::this_thread::yield();
-  if (current_ != &self) {
+  {
     std::unique_lock lock(mutex_);
-    self.turn.wait(lock, [&] { return current_ == &self; });
+    await_turn(lock, self);
   }
   self.signal = nullptr;
   const std::string deadlock = &self == &main_ ? std::exchange(deadlock_, {}) : std::string();
@@ -401,6 +416,7 @@ void VirtualClock::pass_baton() {
   moved();
   ++turns_;
   VirtualEntry* const next = choose();
+  if (next == displaced_) displaced_ = nullptr;
   if (next == current_) return;
   current_ = next;
   next->turn.notify_one();
@@ -473,7 +489,7 @@ void VirtualClock::start(VirtualEntry& entry, std::thread& thread, std::function
 void VirtualClock::run(VirtualEntry& entry, std::function<void()>& body) {
   {
     std::unique_lock lock(mutex_);
-    entry.turn.wait(lock, [&] { return current_ == &entry; });
+    await_turn(lock, entry);
   }
   entry.run(body);
   notify(entry.ended);

@@ -75,6 +75,37 @@ TEST(Watchdog, WorksWithOtherTasksWhileTheStuckOneIsAway) {
   EXPECT_GE(ticks, 99);
 }
 
+// A watchdog without patience comes between a hand-over and the moment at which the next task's
+// thread has woken: that one waits for another turn, and is not one that does not come back.
+TEST(Watchdog, ThatComesBetweenTwoTasksLosesNoneOfThem) {
+  const auto clock = virtual_clock();
+  std::atomic<bool> over{false};
+  bool all_back = true;  // guarded by the baton
+  std::thread watchdog([&] {
+    for (int breaks = 0; breaks < 3000 && all_back; ++breaks) {
+      clock->break_in(0ms);
+      for (int looks = 0; clock->displaced() && all_back; ++looks) {
+        all_back = looks < 1000;
+        clock->sleep_for(1us);
+        std::this_thread::sleep_for(10us);
+      }
+      clock->leave();
+      std::this_thread::sleep_for(20us);
+    }
+    over = true;
+  });
+  while (!over) {
+    // Ends of their own and by a stop, in the middle of it all.
+    const auto brief = clock->spawn("brief", [&] { clock->sleep_for(50us); });
+    const auto long_one = clock->spawn("long", [&] {
+      while (true) clock->sleep_for(3us);
+    });
+    for (int i = 0; i < 20; ++i) clock->sleep_for(5us);
+  }
+  watchdog.join();
+  EXPECT_TRUE(all_back);
+}
+
 // Between two looks at the clock, inside of a wait's own predicate: the task that lost the baton
 // there must not pass on what it no longer holds.
 void lose_the_turn_inside_of_a_predicate(std::unique_ptr<Clock> clock) {
