@@ -16,7 +16,14 @@ local center = vector(0, 0, 0)
 
 -- The runs of one kind of feedback at all places; the median of a machine's mean drift is what counts.
 local function leave_alone(run, rig, p, background, kind, found)
-  local servo <close> = rig:servo { background = background, feedback = kind, field = p.field, lost_timeout = 5 * s }
+  local servo <close> = rig:servo {
+    background = background,
+    feedback = kind,
+    field = p.field,
+    lost_timeout = 5 * s,
+    -- An operator sees how the robot lies; the thesis' localization takes the axis from the field.
+    axis_uncertainty = kind == "none" and 4 * units.deg or nil,
+  }
   servo:hold(center)
   rig.sample:insert_robot(center)
   servo:wait_until_tracked()

@@ -195,7 +195,7 @@ void Localizer::from_above(Observation& observation) const {
 
 /// What stays wrong: eye, scale, tilt, robot size, outline and axis by the viewing chain, and where
 /// the eye stands. Where the chain shows nothing the position is anywhere in the eye.
-Eigen::Matrix3d Localizer::systematic_of(const Found& found,
+SystematicDoubt Localizer::systematic_of(const Found& found,
                                          const vision::EllipseMeasurement& seen) const {
   const double place = model_.uncertainty.eye;
   const Eigen::Matrix3d of_place = place * place * Eigen::Matrix3d::Identity();
@@ -203,8 +203,8 @@ Eigen::Matrix3d Localizer::systematic_of(const Found& found,
   const auto of_view =
       doubt_->systematic(found.position_in_eye, axis, seen, found.attitude.has_value(),
                          tilted_ ? tilted_->orientation_sigma : 0);
-  if (!of_view) return kEye * kEye * Eigen::Matrix3d::Identity();
-  return of_place + *of_view;
+  if (!of_view) return {kEye * kEye * Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero()};
+  return {of_place + of_view->whole, of_view->by_attitude};
 }
 
 /// With an uncertain axis by_axis() gives the start and with_axis() the answer; where the second
@@ -226,7 +226,9 @@ void Localizer::localize(Observation& observation) {
   // The model's own error is systematic; as a variance it keeps a filter from trusting the noise
   // alone.
   const double error = kModelError_px * model_.top_image.pixel;
-  observation.systematic = systematic_of(*found, *observation.ellipse);
+  const SystematicDoubt doubt = systematic_of(*found, *observation.ellipse);
+  observation.systematic = doubt.whole;
+  observation.by_attitude = doubt.by_attitude;
   observation.covariance =
       found->covariance + error * error * Eigen::Matrix3d::Identity() + observation.systematic;
   observation.residual_px = found->residual_px;
@@ -254,6 +256,7 @@ void join_side(Observation& observation, const SideObservation& side) {
   // Of both cameras' errors what stays, by the same weights.
   observation.systematic =
       left * observation.systematic * left.transpose() + K * side.systematic * K.transpose();
+  observation.by_attitude = left * observation.by_attitude * left.transpose();
 }
 
 // The side view's direction s, in the plane of x and z, says of the axis a that a.n = 0, n across s

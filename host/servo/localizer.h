@@ -28,6 +28,8 @@ struct Observation {
   /// no filter averages it away, and a loop reckons with the rest alone (noise()).
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d systematic = Eigen::Matrix3d::Zero();
+  /// m^2: of `systematic`, what stays only while the robot does not turn.
+  Eigen::Matrix3d by_attitude = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d noise() const { return covariance - systematic; }
   double residual_px = 0;           // of the pose against the ellipse
   std::optional<double> pair_skew;  // s: the side camera's exposure less this one; nothing: alone
@@ -71,7 +73,7 @@ class Localizer {
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
-  Eigen::Matrix3d systematic_of(const Found& found, const vision::EllipseMeasurement& seen) const;
+  SystematicDoubt systematic_of(const Found& found, const vision::EllipseMeasurement& seen) const;
   Eigen::Matrix3d expected_attitude() const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
                                  const Eigen::Vector3d& start_in_eye) const;

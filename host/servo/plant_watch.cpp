@@ -26,6 +26,9 @@ constexpr double kPlantSigmas = 6;
 constexpr double kPlantOffset = 30e-6;
 constexpr double kPlantDriftChange = 0.3e-3;
 constexpr double kPlantGainError = 0.5;
+// Standard deviations of what the view is off by the robot's attitude. What background and coils
+// turn it more than is believed changes with the currents.
+constexpr double kPlantAttitudes = 3;
 // What a hypothesis must explain of it, at least.
 constexpr double kPlantExplained = 0.65;
 constexpr int kPlantSure = 2;  // measurements in a row
@@ -50,7 +53,7 @@ double largest_variance(const Eigen::Matrix3d& noise) { return noise.diagonal().
 PlantWatch::PlantWatch(const RigModel& model)
     : model_(model),
       lag_(1 / (2 * M_PI * model.command_bandwidth)),
-      flowing_(control::Currents::Zero(model.field.coils())) {}
+      flow_{control::Currents::Zero(model.field.coils()), 0, 0} {}
 
 // The currents go on: what was commanded still acts.
 void PlantWatch::forget() {
@@ -69,19 +72,29 @@ void PlantWatch::commanded(double now, const control::Currents& currents,
 }
 
 // Behind delay and first-order lag: i' = (told - i) / lag, from command to command.
-void PlantWatch::flow_to(double time) {
-  while (flowed_ < time) {
-    while (told_.size() > 1 && told_[1].acts <= flowed_) told_.pop_front();
-    const bool acts = !told_.empty() && told_.front().acts <= flowed_;
-    double until = time;
-    if (!acts && !told_.empty())
-      until = std::min(until, told_.front().acts);
-    else if (told_.size() > 1)
-      until = std::min(until, told_[1].acts);
+void PlantWatch::advance(Flow& flow, double time) const {
+  while (flow.time < time) {
+    while (flow.last + 1 < told_.size() && told_[flow.last + 1].acts <= flow.time) ++flow.last;
+    const bool acts = !told_.empty() && told_[flow.last].acts <= flow.time;
+    const std::size_t next = flow.last + (acts ? 1 : 0);
+    const double until = next < told_.size() ? std::min(time, told_[next].acts) : time;
     if (acts)
-      flowing_ += (1 - std::exp(-(until - flowed_) / lag_)) * (told_.front().currents - flowing_);
-    flowed_ = until;
+      flow.currents +=
+          (1 - std::exp(-(until - flow.time) / lag_)) * (told_[flow.last].currents - flow.currents);
+    flow.time = until;
   }
+}
+
+void PlantWatch::flow_to(double time) {
+  advance(flow_, time);
+  told_.erase(told_.begin(), told_.begin() + static_cast<std::ptrdiff_t>(flow_.last));
+  flow_.last = 0;
+}
+
+control::Currents PlantWatch::flowing_at(double time) const {
+  Flow ahead = flow_;
+  advance(ahead, time);
+  return ahead.currents;
 }
 
 // F = (m . grad) B, with the moment m along B: it follows the field within milliseconds.
@@ -97,15 +110,15 @@ PlantWatch::Motions PlantWatch::velocities(const Eigen::Vector3d& position) cons
   const Eigen::Vector3d known = model_.field.nearest_valid(position);
   const control::FieldMatrix matrix = model_.field.matrix(known);
   const control::FieldGradient background = model_.field.background(known);
-  const control::FieldGradient whole = matrix * flowing_ + background;
-  const Eigen::Index coils = flowing_.size();
+  const control::FieldGradient whole = matrix * flow_.currents + background;
+  const Eigen::Index coils = flow_.currents.size();
   const Eigen::Vector3d weight(0, 0, -model_.robot.net_weight(model_.medium));
   const Eigen::Vector3d with_all = force(whole);
   Motions found(3, kPlantCoils + 2 * coils);
   found.col(kPlantAsTold) = mobility_ * (with_all + weight);
   found.col(kPlantNone) = mobility_ * (force(background) + weight);
   for (Eigen::Index k = 0; k < coils; ++k) {
-    const control::FieldGradient its = matrix.col(k) * flowing_[k];
+    const control::FieldGradient its = matrix.col(k) * flow_.currents[k];
     found.col(kPlantCoils + k) = mobility_ * (force(whole - its) - with_all);
     found.col(kPlantCoils + coils + k) = mobility_ * (force(whole - 2 * its) - with_all);
   }
@@ -113,25 +126,31 @@ PlantWatch::Motions PlantWatch::velocities(const Eigen::Vector3d& position) cons
 }
 
 void PlantWatch::measured(double time, const Eigen::Vector3d& position,
-                          const Eigen::Matrix3d& noise, double delay) {
+                          const Eigen::Matrix3d& noise, const Eigen::Matrix3d& by_attitude,
+                          double delay) {
   // What moved the robot until `time` are commands from the delay earlier. No command acts before
   // it is given.
   const double acting = time - std::max(delay, -model_.command_delay);
-  Sample now{time, position, largest_variance(noise),
-             Motions::Zero(3, kPlantCoils + 2 * flowing_.size())};
+  Sample now{time,
+             position,
+             largest_variance(noise),
+             Motions::Zero(3, kPlantCoils + 2 * flow_.currents.size()),
+             by_attitude,
+             flow_.currents};
   if (samples_.empty()) {
     flow_to(acting);
     samples_.push_back(std::move(now));
     return;
   }
-  const double span = std::max(0.0, acting - flowed_);
-  const double begin = flowed_;
+  const double span = std::max(0.0, acting - flow_.time);
+  const double begin = flow_.time;
   now.moved = samples_.back().moved;
   for (int k = 0; k < kPlantSubsteps; ++k) {
     flow_to(begin + span * (k + 0.5) / kPlantSubsteps);
     now.moved += (time - samples_.back().time) / kPlantSubsteps * velocities(position);
   }
   flow_to(acting);
+  now.flowing = flow_.currents;
   samples_.push_back(std::move(now));
   while (time - samples_.front().time > kPlantKept) samples_.pop_front();
   const auto slow = drift();
@@ -175,7 +194,12 @@ PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now,
   const Eigen::Vector3d expected = moved.col(kPlantAsTold) + span * drift;
   const Eigen::Vector3d left = went - expected;
   const double sigma = std::sqrt(then.variance + now.variance);
+  const double turned =
+      std::min(1.0, (now.flowing - then.flowing).norm() / std::max(then.flowing.norm(), 1e-9));
+  const double by_attitude = turned * std::sqrt(std::max(0.0, left.dot(now.by_attitude * left))) /
+                             std::max(left.norm(), 1e-12);
   const double allowed = kPlantSigmas * sigma + kPlantOffset + kPlantDriftChange * span +
+                         kPlantAttitudes * by_attitude +
                          kPlantGainError * moved.col(kPlantAsTold).norm();
   Verdict verdict;
   verdict.excess = left.norm() / allowed;
@@ -191,7 +215,7 @@ PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now,
 // The hypothesis that leaves least of what is left over; none that leaves more than a third.
 std::string PlantWatch::name(const Eigen::Vector3d& left, const Motions& moved,
                              double sigma) const {
-  const Eigen::Index coils = flowing_.size();
+  const Eigen::Index coils = flow_.currents.size();
   double least = (1 - kPlantExplained) * left.norm() + 2 * sigma;
   std::string text;
   const auto consider = [&](const Eigen::Vector3d& explained, const std::string& what) {

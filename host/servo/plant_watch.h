@@ -24,10 +24,13 @@ class PlantWatch {
   explicit PlantWatch(const RigModel& model);
   /// What the coils were told at `now` (s), A; the robot's mobility then, m/(N s).
   void commanded(double now, const control::Currents& currents, const Eigen::Matrix3d& mobility);
-  /// A measurement that the loop took: m, world, taken at `time` (s), with its noise (m^2).
+  /// A measurement that the loop took: m, world, taken at `time` (s), with its noise (m^2) and what
+  /// it may be off by the robot's attitude (m^2).
   /// `delay`: s, by which the loop's delay is found to be longer than believed.
   void measured(double time, const Eigen::Vector3d& position, const Eigen::Matrix3d& noise,
-                double delay);
+                const Eigen::Matrix3d& by_attitude, double delay);
+  /// A, what flows at `time` (s, not before the last measurement), by delay and lag of the coils.
+  control::Currents flowing_at(double time) const;
   /// What the robot's motion says of amplifiers and coils; empty: they obey.
   const std::string& fault() const { return fault_; }
   /// The robot was told to go and its measured position stood: held fast, or an old picture.
@@ -42,18 +45,26 @@ class PlantWatch {
   struct Sample {
     double time = 0;
     Eigen::Vector3d position{0, 0, 0};
-    double variance = 0;  // m^2, the largest of a direction
-    Motions moved;        // since the first sample
+    double variance = 0;                                    // m^2, the largest of a direction
+    Motions moved;                                          // since the first sample
+    Eigen::Matrix3d by_attitude = Eigen::Matrix3d::Zero();  // m^2
+    control::Currents flowing;
   };
   struct Told {
     double acts = 0;  // s
     control::Currents currents;
+  };
+  struct Flow {
+    control::Currents currents;
+    double time = 0;       // s, to which they are known
+    std::size_t last = 0;  // of told_, that acts
   };
   struct Verdict {
     double excess = 0;
     std::string text;
     bool standing = false;
   };
+  void advance(Flow& flow, double time) const;
   void flow_to(double time);
   Motions velocities(const Eigen::Vector3d& position) const;
   Eigen::Vector3d force(const control::FieldGradient& made) const;
@@ -64,8 +75,7 @@ class PlantWatch {
   const RigModel& model_;
   const double lag_;  // s, of the coils
   std::deque<Told> told_;
-  control::Currents flowing_;
-  double flowed_ = 0;  // s, to which flowing_ is known
+  Flow flow_;
   Eigen::Matrix3d mobility_ = Eigen::Matrix3d::Zero();
   std::deque<Sample> samples_;  // the newest at the end
   int doubtful_ = 0;            // measurements in a row

@@ -30,6 +30,7 @@ Servo::Loop::Loop(Clock& the_clock, Rig& the_rig, Recorder& the_recorder,
       rig(the_rig),
       recorder(the_recorder),
       settings(given),
+      made_at(the_clock.now()),
       source(the_clock, the_rig, the_recorder, std::move(given_cameras), given),
       controller(the_rig.model, controller_settings(the_rig, given, source.period())),
       archive(the_recorder, the_rig, given.axis, source_of(given.feedback),
@@ -59,10 +60,19 @@ void Servo::Loop::run() {
   }
 }
 
+/// A frame that was on its way before the loop began may show what is not there any more: the robot
+/// before it was put elsewhere.
+ObservationSource::ObservedFrame Servo::Loop::next() {
+  for (;;) {
+    ObservationSource::ObservedFrame found = source.next();
+    if (found.frame.exposed >= made_at) return found;
+  }
+}
+
 void Servo::Loop::tick() {
   // Before the frame is waited for: the localizer takes the axis as its prior for that frame.
   expect_axis();
-  const auto [frame, observation, distrusted] = source.next();
+  const auto [frame, observation, distrusted] = next();
   const Time decided = clock.now();
   const double now = to_seconds(decided);
   beat();
@@ -106,6 +116,16 @@ void Servo::Loop::expect_axis() {
     const Eigen::Vector3d axis = attitude.wanted(to_seconds(status.time) + source.period());
     source.expect_axis(axis);
     surface.expect_axis(axis, surface.belief().axis_sigma);
+  } else if (!rotating && settings.feedback == Feedback::none && status.position) {
+    // Constant currents turn the robot as it drifts away from where they were made for.
+    const control::FieldModel& field = rig.model.field;
+    const Eigen::Vector3d known = field.nearest_valid(*status.position);
+    const control::Currents flowing = plant.flowing_at(to_seconds(status.time) + source.period());
+    const Eigen::Vector3d made =
+        (field.matrix(known) * flowing + field.background(known)).head<3>();
+    if (!(made.norm() > 0)) return;
+    source.expect_axis(made.normalized());
+    surface.expect_axis(made.normalized(), surface.belief().axis_sigma);
   }
 }
 
@@ -154,11 +174,14 @@ void Servo::Loop::watch_plant(const Frame& frame, double now, const Observation&
                               const ControlStep& step) {
   if (settings.law != ControlLaw::pd && settings.law != ControlLaw::estimator) return;
   // What a filter takes for a leap is what a coil that fails looks like, and is heard too.
-  if (let_go || (status.clearance && status.clearance->nearest().distance <= kFree))
+  // What the model lacks at constant currents says nothing of it at those that follow.
+  const bool constant = control_mode() == ControlMode::constant;
+  if (let_go || constant != std::exchange(was_constant, constant) ||
+      (status.clearance && status.clearance->nearest().distance <= kFree))
     plant.forget();
   else if (status.clearance && observation.position)
     plant.measured(to_seconds(frame.exposed), *observation.position, observation.noise(),
-                   step.estimate ? step.estimate->delay : 0);
+                   observation.by_attitude, step.estimate ? step.estimate->delay : 0);
   const std::vector<double> sent = rig.coils->currents();
   plant.commanded(
       now, Eigen::Map<const Eigen::VectorXd>(sent.data(), static_cast<Eigen::Index>(sent.size())),

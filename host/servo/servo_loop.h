@@ -37,6 +37,8 @@ struct Servo::Loop {
   /// A stop of the loop sets the coils to zero; any other end makes the interlock open (shut()).
   /// Nothing leaves this function, as it is a task's body.
   void run();
+  /// The next frame that was exposed since the loop was made.
+  ObservationSource::ObservedFrame next();
   /// One turn: measurement, control, publication, record.
   /// The record comes after the currents, so that writing never delays them.
   void tick();
@@ -97,6 +99,7 @@ struct Servo::Loop {
   Rig& rig;
   Recorder& recorder;
   const ServoSettings settings;
+  const Time made_at;
   ObservationSource source;
   ServoController controller;
   ServoRecord archive;
@@ -105,6 +108,7 @@ struct Servo::Loop {
   std::optional<RotatingDrive> rotating;          // of that law, in the controller's place
   std::optional<Interlock::Heartbeat> heartbeat;  // while the loop runs
   Mode mode = Mode::holding;
+  bool was_constant = false;  // the currents, a turn ago
   ReferencePath reference;
   Eigen::Vector3d goal{0, 0, 0};  // m, the end of the reference
   bool starting = false;          // the reference's time has not begun

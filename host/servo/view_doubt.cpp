@@ -77,7 +77,7 @@ ViewDoubt::ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, bool ca
     belief_ = std::move(*after);
 }
 
-std::optional<Eigen::Matrix3d> ViewDoubt::systematic(const Eigen::Vector3d& position_in_eye,
+std::optional<SystematicDoubt> ViewDoubt::systematic(const Eigen::Vector3d& position_in_eye,
                                                      const Eigen::Vector3d& axis,
                                                      const vision::EllipseMeasurement& seen,
                                                      bool estimated_axis, double axis_sigma) const {
@@ -87,7 +87,7 @@ std::optional<Eigen::Matrix3d> ViewDoubt::systematic(const Eigen::Vector3d& posi
       belief_, {position_in_eye, axis, seen.ellipse.center_px}, outline,
       estimated_axis ? optics::PositionFit::weighted : optics::PositionFit::thesis);
   if (!doubt) return std::nullopt;
-  return Eigen::Matrix3d(doubt->covariance - doubt->tracker);
+  return SystematicDoubt{doubt->covariance - doubt->tracker, doubt->noise - doubt->tracker};
 }
 
 }  // namespace vitreo

@@ -13,6 +13,12 @@
 
 namespace vitreo {
 
+/// m^2, of a position: what stays wrong from frame to frame, everything but the tracker's noise.
+struct SystematicDoubt {
+  Eigen::Matrix3d whole;
+  Eigen::Matrix3d by_attitude;  ///< of it, of axis and outline: another where the robot turns
+};
+
 /// Of a rig whose eye is known ("known") all but the eye is in it; of one whose eye is known no
 /// better than thesis table 5.1 (keep_out.eye) that table and 0.3 mm of retinal depth too.
 class ViewDoubt {
@@ -22,11 +28,10 @@ class ViewDoubt {
   /// wrong there any more, and less elsewhere. Not for a plain view.
   ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, bool calibrated);
 
-  /// m^2, of what stays from frame to frame at a position that was found from `seen`: everything
-  /// but the tracker's noise. `estimated_axis`: the axis was estimated with a prior of `axis_sigma`
-  /// (rad), else taken for known (thesis 5.5), though a field turns a robot no better than that.
-  /// Nothing where the chain does not show the robot.
-  std::optional<Eigen::Matrix3d> systematic(const Eigen::Vector3d& position_in_eye,
+  /// At a position that was found from `seen`. `estimated_axis`: the axis was estimated with a
+  /// prior of `axis_sigma` (rad), else taken for known (thesis 5.5), though a field turns a robot
+  /// no better than that. Nothing where the chain does not show the robot.
+  std::optional<SystematicDoubt> systematic(const Eigen::Vector3d& position_in_eye,
                                             const Eigen::Vector3d& axis,
                                             const vision::EllipseMeasurement& seen,
                                             bool estimated_axis, double axis_sigma) const;

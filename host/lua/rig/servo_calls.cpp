@@ -365,7 +365,10 @@ int servo_calls::wait_until_tracked(Call& call) {
   const auto servo = servo_of(call);
   const double timeout = call.number_option("timeout").value_or(10);
   Clock& clock = session_of(call.L).clock;
-  Wait wait = servo_wait(servo, [](const ServoStatus& now) { return now.position.has_value(); });
+  // A frame from before the call may show the robot where it is not any more.
+  Wait wait = servo_wait(servo, [since = clock.now()](const ServoStatus& now) {
+    return now.position.has_value() && now.time >= since;
+  });
   wait.deadline = later(clock.now(), from_seconds(timeout));
   wait.finish = [servo, timeout](Call& done, bool in_time) {
     if (!in_time)

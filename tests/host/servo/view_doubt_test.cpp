@@ -43,7 +43,7 @@ double depth_sigma(const RigModel& model, bool calibrated, double z) {
   const ViewDoubt doubt(model, {1, 0, 0}, calibrated);
   const auto stays = doubt.systematic(position, {1, 0, 0}, seen_at(model, position), false, 0);
   EXPECT_TRUE(stays);
-  return std::sqrt((*stays)(2, 2));
+  return std::sqrt(stays->whole(2, 2));
 }
 
 TEST(ViewDoubt, AHundredthOfTheSizeIsATenthOfAMillimeterAndMoreOfDepth) {

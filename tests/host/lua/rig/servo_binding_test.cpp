@@ -78,6 +78,22 @@ TEST_F(ServoBinding, SaysWhatItMissed) {
   EXPECT_TRUE(coils_are_at_zero());
 }
 
+// A frame that was on its way shows the robot where it was before it was put elsewhere.
+TEST_F(ServoBinding, AFrameFromBeforeIsNoSightOfTheRobot) {
+  const Ended end =
+      run("rig.sample:insert_robot({3e-3, 0, 0}) servo:wait_until_tracked() servo:close()\n"
+          "local function put(loop, x)\n"
+          "  loop:hold({x, 0, 0}) rig.sample:remove_robot() rig.sample:insert_robot({x, 0, 0})\n"
+          "  local at = loop:wait_until_tracked() assert((at - {x, 0, 0}):norm() < 1.5e-3, at)\n"
+          "end\n"
+          "for k = 1, 5 do\n"
+          "  run:wait(k * 0.013)\n"
+          "  local again <close> = rig:servo { background = background, law = 'estimator' }\n"
+          "  put(again, 0) put(again, 3e-3)\n"
+          "end");
+  EXPECT_EQ(end.error, "");
+}
+
 TEST_F(ServoBinding, ATimeoutNamesTargetElapsedAndLastPlace) {
   expect_all(run("rig.sample:insert_robot({0, 0, 0}) "
                  "servo:wait_until_tracked()\nservo:go_to({3e-3, 0, 0}, { timeout = 1 })")
