@@ -169,7 +169,7 @@ Words positional_words(Program& program, const std::string& command, const Words
   if (command == "compare") return run_words();
   if (!bare.empty()) return {};
   if (command == "control")
-    return {"status", "pause", "resume", "stop", "abort", "emergency", "answer", "ack"};
+    return {"status", "pause", "resume", "stop", "abort", "emergency", "answer", "ack", "adjust"};
   if (command == "completion") return {"bash", "zsh", "fish"};
   if (command == "new") return {"protocol", "instrument", "rig", "driver"};
   if (command == "docs") return page_names();

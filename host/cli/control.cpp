@@ -4,13 +4,16 @@
 #include "host/cli/program.h"
 #include "host/config/config.h"
 #include "host/config/rights.h"
+#include "host/text/units.h"
 #include "host/view/control_client.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <chrono>
 #include <iostream>
+#include <thread>
 #include <vector>
 
 namespace vitreo::cli {
@@ -48,9 +51,46 @@ void show(const nlohmann::json& status) {
 // Without "target": positions of a microrobot are sent by programs, as JSON on the socket itself.
 // With "status", which the desk does not have, since it only reads.
 const std::vector<std::string>& words() {
-  static const std::vector<std::string> known{"status", "pause",     "resume", "stop",
-                                              "abort",  "emergency", "answer", "ack"};
+  static const std::vector<std::string> known{"status",    "pause",  "resume", "stop",  "abort",
+                                              "emergency", "answer", "ack",    "adjust"};
   return known;
+}
+
+/// "stage z=3mm" into "instrument" and "to", SI; without a text all instruments are read. Their
+/// units are the run's to know: a quantity of another kind is refused here, before anything moves.
+void add_adjustment(const Control& wanted, nlohmann::json& request) {
+  if (wanted.text.empty()) return;
+  const std::size_t equals = wanted.text.find('=');
+  const std::string name = wanted.text.substr(0, equals);
+  const auto to =
+      equals == std::string::npos ? std::nullopt : parse_quantity(wanted.text.substr(equals + 1));
+  if (!to) throw ConfigError("'" + wanted.text + "': wants INSTRUMENT=VALUE, as \"stage z=3mm\"");
+  const nlohmann::json known = control_run(wanted.run, {{"do", "status"}});
+  for (const auto& one : known["status"].value("instruments", nlohmann::json::array())) {
+    const std::string unit = si_unit(one["unit"].get<std::string>());
+    if (one["name"] != name || to->dimension == unit) continue;
+    // Decibels are no unit of the table.
+    if (to->bare && unit == "dB") continue;
+    throw ConfigError(fmt::format("'{}': {} is {}", wanted.text, name,
+                                  unit.empty() ? "a part of one, as 50 %" : "in " + unit));
+  }
+  request["instrument"] = name;
+  request["to"] = to->value;
+}
+
+void show_instruments(const nlohmann::json& status) {
+  for (const auto& one : status.value("instruments", nlohmann::json::array())) {
+    const std::string unit = one["unit"];
+    const auto shown = [&unit](const nlohmann::json& value) {
+      if (!value.is_number()) return std::string("?");
+      return unit == "dB" ? fmt::format("{:.3g} dB", value.get<double>())
+                          : format_quantity(value, unit);
+    };
+    const std::string refused = one["refused"];
+    fmt::print("{:<22} {:>10}  {} to {}{}{}\n", one["name"].get<std::string>(), shown(one["value"]),
+               shown(one["min"]), shown(one["max"]), one["busy"].get<bool>() ? "  on its way" : "",
+               refused.empty() ? "" : "  refused: " + refused);
+  }
 }
 
 /// The request in the socket's own JSON: {"do": word, ...}; refused here where a slip can be named.
@@ -63,20 +103,29 @@ int control(const Control& wanted) {
                                   near.empty() ? "" : "; did you mean " + near + "?",
                                   fmt::join(words(), ", ")));
   }
-  const bool takes_text = wanted.word == "answer" || wanted.word == "pause" || wanted.word == "ack";
+  const bool takes_text = wanted.word == "answer" || wanted.word == "pause" ||
+                          wanted.word == "ack" || wanted.word == "adjust";
   if (!takes_text && !wanted.text.empty())
     throw ConfigError("'" + wanted.text + "': " + wanted.word + " takes no text");
   nlohmann::json request = {{"do", wanted.word}};
   if (wanted.word == "answer") request["text"] = wanted.text;
   if (wanted.word == "pause" && !wanted.text.empty()) request["at"] = wanted.text;
   if (wanted.word == "ack" && !wanted.text.empty()) request["alarm"] = wanted.text;
+  if (wanted.word == "adjust") add_adjustment(wanted, request);
   if (wanted.force) request["override"] = true;
   // For the record: who stopped or answered. The socket's folder admits this account alone, so the
   // name is a courtesy, not a proof.
   request["by"] = wanted.by.empty() ? account_name() : wanted.by;
-  const nlohmann::json reply = control_run(wanted.run, request);
+  nlohmann::json reply = control_run(wanted.run, request);
+  // The run's own task reads them; what it found is in the status a moment later.
+  if (wanted.word == "adjust" && reply["ok"]) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    reply = control_run(wanted.run, {{"do", "status"}});
+  }
   if (wanted.json)
     std::cout << reply.dump() << "\n";
+  else if (reply["ok"] && wanted.word == "adjust")
+    show_instruments(reply["status"]);
   else if (reply["ok"])
     show(reply["status"]);
   else
@@ -91,10 +140,12 @@ void add_control(CommandLine& line, Program&) {
   Command command = line.command("control", "speaks to a run that is going on",
                                  [wanted] { return control(*wanted); });
   command
-      .option("word", wanted->word, "status, pause, resume, stop, abort, emergency, answer or ack")
+      .option("word", wanted->word,
+              "status, pause, resume, stop, abort, emergency, answer, ack or adjust")
       .required();
   command.option("text", wanted->text,
-                 "the answer, the checkpoint at which to pause, or the alarm to acknowledge (all)");
+                 "the answer, the checkpoint at which to pause, the alarm to acknowledge (all), or "
+                 "what to adjust, as \"stage z=3mm\" (reads all)");
   command.option("--operator", wanted->by, "who says it (default: whose account it is)");
   command.flag("--override", wanted->force,
                "with resume: although it is still suspended (a researcher's right)");

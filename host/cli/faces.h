@@ -6,6 +6,7 @@
 #include "host/cli/program.h"
 #include "host/view/control_socket.h"
 #include "host/view/foxglove_view.h"
+#include "host/view/instrument_panel.h"
 #include "host/view/live_view.h"
 
 #include <optional>
@@ -28,6 +29,7 @@ class Faces {
   }
   /// The request with these faces.
   RunRequest of(RunRequest request) {
+    request.how.faces.push_back(&panel_);
     request.how.faces.push_back(&socket_);
     if (page_) request.how.faces.push_back(&*page_);
     if (foxglove_) request.how.faces.push_back(&*foxglove_);
@@ -38,6 +40,7 @@ class Faces {
 
  private:
   ProgressListener* listener_;
+  view::PanelFace panel_;
   ControlFace socket_;
   std::optional<view::LiveView> page_;
   std::optional<view::FoxgloveView> foxglove_;

@@ -45,8 +45,8 @@ nlohmann::json alarms_json(const Alarms& alarms) {
 }  // namespace
 
 const std::vector<std::string>& OperatorDesk::words() {
-  static const std::vector<std::string> kWords{"stop",   "abort",  "emergency", "pause",
-                                               "resume", "answer", "ack",       "target"};
+  static const std::vector<std::string> kWords{"stop",   "abort", "emergency", "pause", "resume",
+                                               "answer", "ack",   "target",    "adjust"};
   return kWords;
 }
 
@@ -61,6 +61,7 @@ void OperatorDesk::perform(const OperatorCommand& command) {
   if (word == "answer") return questions_.answer(command.text, person(command));
   if (word == "ack") return acknowledge(command);
   if (word == "target") return targets_.give(command.targets);
+  if (word == "adjust") return adjust(command);
   throw std::invalid_argument(
       fmt::format("'{}' is not understood: do one of {}", word, fmt::join(words(), ", ")));
 }
@@ -88,6 +89,26 @@ void OperatorDesk::acknowledge(const OperatorCommand& command) {
     throw std::invalid_argument("no alarm stands");
 }
 
+void OperatorDesk::offer(HandControls* controls) {
+  const std::lock_guard lock(mutex_);
+  controls_ = controls;
+}
+
+/// A value that is left out moves nothing: the instruments are read, for the face that shows them.
+void OperatorDesk::adjust(const OperatorCommand& command) {
+  const std::lock_guard lock(mutex_);
+  if (controls_ == nullptr)
+    throw std::invalid_argument(
+        "instruments are adjusted by hand only in a run at the pace of the wall clock");
+  if (!command.to) return controls_->read();
+  controls_->adjust(command.text, *command.to, person(command));
+}
+
+unsigned long OperatorDesk::changes() const noexcept {
+  const std::lock_guard lock(mutex_);
+  return control_.changes() + alarms_.changes() + (controls_ ? controls_->changes() : 0);
+}
+
 nlohmann::json OperatorDesk::status() const {
   const RunStatus status = control_.status();
   nlohmann::json json = {{"phase", to_string(status.phase)},
@@ -106,6 +127,10 @@ nlohmann::json OperatorDesk::status() const {
                         {"text", shown(*question)},
                         {"choices", choices_of(question->answer)},
                         {"task", question->task}};
+  const std::lock_guard lock(mutex_);
+  if (controls_ == nullptr) return json;
+  if (nlohmann::json instruments = controls_->status(); !instruments.empty())
+    json["instruments"] = std::move(instruments);
   return json;
 }
 

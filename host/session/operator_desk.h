@@ -5,6 +5,7 @@
 
 #include "host/config/rights.h"
 #include "host/session/alarms.h"
+#include "host/session/hand_controls.h"
 #include "host/session/operator_targets.h"
 #include "host/session/questions.h"
 #include "host/session/run_control.h"
@@ -12,6 +13,8 @@
 #include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
+#include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,7 +25,9 @@ struct OperatorCommand {
   std::string word{};
   std::string by{};      // a person's name; empty: not said
   std::string source{};  // "the control socket", "the live view", "the script"
-  std::string text{};    // checkpoint of a pause, answer's text, alarm's name, reason of an end
+  /// Checkpoint of a pause, answer's text, alarm's name, reason of an end, quantity to adjust.
+  std::string text{};
+  std::optional<double> to{};              // of "adjust", SI; without it the instruments are read
   bool override_condition = false;         // resume although the condition for it does not hold
   std::vector<Eigen::Vector3d> targets{};  // m, world: positions to be passed one after the other
 };
@@ -35,31 +40,37 @@ class OperatorDesk {
 
   /// Of the rig: who may override. Before the run's faces begin.
   void set_rights(Rights rights) { rights_ = std::move(rights); }
+  /// What "adjust" speaks to, until it is taken away (null).
+  void offer(HandControls* controls);
 
-  /// "stop", "abort", "emergency", "pause", "resume", "answer", "ack", "target".
+  /// "stop", "abort", "emergency", "pause", "resume", "answer", "ack", "target", "adjust".
   static const std::vector<std::string>& words();
   /// Whether the word ends the run: open to everyone, wherever it is asked.
   static bool ends_run(const std::string& word);
   /// Throws std::invalid_argument for an unknown word, an answer that does not fit, no such alarm,
-  /// targets that are not taken; RightError for an override that is not this person's.
+  /// targets that are not taken, nothing to adjust; RightError for an override that is not this
+  /// person's.
   void perform(const OperatorCommand& command);
 
-  /// {"phase", "tier", "waiting_for", "note", "text", "progress", "doing", "alarms"; "remaining"
-  /// and "question" where there are such}: what every face shows of a run.
+  /// {"phase", "tier", "waiting_for", "note", "text", "progress", "doing", "alarms"; "remaining",
+  /// "question" and "instruments" where there are such}: what every face shows of a run.
   nlohmann::json status() const;
   /// Changes each time that status() may.
-  unsigned long changes() const noexcept { return control_.changes() + alarms_.changes(); }
+  unsigned long changes() const noexcept;
 
  private:
   void end(StopTier tier, const OperatorCommand& command);
   void resume(const OperatorCommand& command);
   void acknowledge(const OperatorCommand& command);
+  void adjust(const OperatorCommand& command);
 
   RunControl& control_;
   Questions& questions_;
   Alarms& alarms_;
   OperatorTargets& targets_;
   Rights rights_;
+  mutable std::mutex mutex_;  // of what follows
+  HandControls* controls_ = nullptr;
 };
 
 }  // namespace vitreo

@@ -5,6 +5,7 @@
 #include "host/session/session.h"
 #include "host/text/error_words.h"
 #include "host/view/control_client.h"
+#include "host/view/instrument_panel.h"
 
 #include <algorithm>
 #include <boost/asio/local/stream_protocol.hpp>
@@ -93,6 +94,7 @@ OperatorCommand command_of(const nlohmann::json& request) {
   if (command.word == "answer" && !request.contains("text"))
     throw std::invalid_argument("text: is missing");
   if (command.word == "answer") command.text = text_of(request, "text");
+  if (command.word == "adjust") view::read_adjustment(request, command);
   command.override_condition = flag_of(request, "override");
   command.targets = positions_of(request);
   return command;

@@ -17,7 +17,8 @@ namespace vitreo {
 /// Answers one request of a client: {"do": "status"} or a word of OperatorDesk: "pause" ("at": a
 /// checkpoint), "resume" ("override": although the run is suspended, which wants a researcher),
 /// "stop", "abort", "emergency", "answer" ("text"), "ack" ("alarm": its name; without it all),
-/// "target" ("positions": [[x, y, z], ...] in m, world). "by" says who asks. The reply has "ok",
+/// "target" ("positions": [[x, y, z], ...] in m, world), "adjust" ("instrument": its name in the
+/// status, "to": a number, SI; without both all are read). "by" says who asks. The reply has "ok",
 /// and "status" or "error". Never throws.
 nlohmann::json answer_request(const std::string& line, OperatorDesk& desk);
 

@@ -3,6 +3,7 @@
 
 #include "devices/time/error.h"
 #include "host/record/meaning.h"
+#include "host/session/session.h"
 #include "host/text/columns.h"
 
 #include <fmt/format.h>
@@ -323,6 +324,33 @@ void InstrumentPanel::carry_out(const std::string& name, const Wanted& wanted) {
   knob.by = wanted.by;
   knob.refused = refused;
   ++changes_;
+}
+
+void read_adjustment(const nlohmann::json& request, OperatorCommand& command) {
+  const auto instrument = request.find("instrument"), to = request.find("to");
+  if (instrument == request.end() && to == request.end()) return;
+  if (instrument == request.end() || !instrument->is_string())
+    throw std::invalid_argument("instrument: wants a text");
+  if (to == request.end() || !to->is_number())
+    throw std::invalid_argument("to: wants a number, in SI units");
+  command.text = *instrument;
+  command.to = to->get<double>();
+}
+
+void PanelFace::begin(Session& session) {
+  if (!session.real_time) return;
+  session_ = &session;
+  panel_ = std::make_unique<InstrumentPanel>(session.clock, session.rig, session.recorder,
+                                             session.control);
+  panel_->begin();
+  session.desk.offer(panel_.get());
+}
+
+// Taken away first: no face speaks to it when its task is ended.
+void PanelFace::end(const std::string&) {
+  if (session_ != nullptr) session_->desk.offer(nullptr);
+  panel_.reset();
+  session_ = nullptr;
 }
 
 }  // namespace vitreo::view

@@ -6,6 +6,9 @@
 #include "devices/time/clock.h"
 #include "host/record/recorder.h"
 #include "host/rig/rig.h"
+#include "host/session/face.h"
+#include "host/session/hand_controls.h"
+#include "host/session/operator_desk.h"
 #include "host/session/run_control.h"
 
 #include <nlohmann/json.hpp>
@@ -36,10 +39,10 @@ struct AdjustableInfo {
 /// for and not begun is dropped when the run is asked to end, or ends; what goes on is stopped by
 /// the rig's own safe state. For a run at the pace of the wall clock: no hand has another. Who
 /// adjusted what is an event "adjust"; what was read, a sample of the stream "panel_ROLE".
-class InstrumentPanel {
+class InstrumentPanel final : public HandControls {
  public:
   InstrumentPanel(Clock& clock, Rig& rig, Recorder& recorder, const RunControl& control);
-  ~InstrumentPanel();
+  ~InstrumentPanel() override;
   InstrumentPanel(const InstrumentPanel&) = delete;
   InstrumentPanel& operator=(const InstrumentPanel&) = delete;
 
@@ -47,17 +50,12 @@ class InstrumentPanel {
   /// baton, as the end of this.
   void begin();
 
-  /// Asks for `value`, SI; it replaces what was asked of the same quantity and not begun. Throws
-  /// std::invalid_argument for no such quantity, a value outside of its range, a run that is ending
-  /// or whose instruments cannot be adjusted.
-  void adjust(const std::string& name, double value, const std::string& by);
-  /// Asks that all are read anew. Throws std::invalid_argument as adjust() does.
-  void read();
-
-  /// [{"name", "unit", "min", "max", "step", "value", "busy", "by", "refused"}]; a value that is
-  /// not known, and an end that is infinite, are null. Empty before begin().
-  nlohmann::json status() const;
-  unsigned long changes() const noexcept { return changes_.load(); }
+  /// It replaces what was asked of the same quantity and not begun.
+  void adjust(const std::string& name, double value, const std::string& by) override;
+  void read() override;
+  /// Empty before begin().
+  nlohmann::json status() const override;
+  unsigned long changes() const noexcept override { return changes_.load(); }
 
  private:
   struct Knob {
@@ -107,6 +105,20 @@ class InstrumentPanel {
   bool read_wanted_ = false;
   std::atomic<unsigned long> changes_{0};
   std::unique_ptr<Task> task_;  // last: it uses the others
+};
+
+/// "instrument" and "to" of a request "adjust"; neither: read only. Throws std::invalid_argument.
+void read_adjustment(const nlohmann::json& request, OperatorCommand& command);
+
+/// The panel of each run at the pace of the wall clock, for all of its faces.
+class PanelFace final : public Face {
+ public:
+  void begin(Session& session) override;
+  void end(const std::string& outcome) override;
+
+ private:
+  Session* session_ = nullptr;
+  std::unique_ptr<InstrumentPanel> panel_;
 };
 
 }  // namespace vitreo::view

@@ -119,7 +119,6 @@ struct LiveView::State {
   bool report_sent = false;
   std::size_t watching = 0;  // viewers after the end
   std::optional<Pointing> pointing;
-  std::unique_ptr<InstrumentPanel> panel;  // null: the run has another pace than the wall clock's
   // The server's thread only.
   std::map<int, Sent> sent;
   int operator_viewer = 0;  // the viewer that has control; 0: none
@@ -147,7 +146,6 @@ struct LiveView::State {
   json status(int viewer);
   void receive(int viewer, const std::string& message);
   json perform(int viewer, const json& message);
-  json adjust(const json& message);
   void give(const json& message);
 };
 
@@ -254,9 +252,6 @@ json LiveView::State::status(int viewer) {
   state["control"] = operator_viewer == viewer ? "mine" : operator_viewer == 0 ? "free" : "taken";
   state["takes_targets"] = session->targets.wanted();
   state["viewers"] = sent.size();
-  if (panel)
-    if (json instruments = panel->status(); !instruments.empty())
-      state["instruments"] = std::move(instruments);
   const auto servo = board.samples("servo", {}, 1);
   const auto command = board.samples("command", {}, 1);
   // The robot's marks and the field at it, from the newest rows.
@@ -289,6 +284,7 @@ OperatorCommand command_of(const std::string& word, const json& message, const P
   if (word == "answer") command.text = message.at("text");
   if (word == "ack") command.text = message.value("alarm", "");
   if (word == "target") command.targets = pointing.positions(message, belief);
+  if (word == "adjust") read_adjustment(message, command);
   return command;
 }
 
@@ -307,7 +303,6 @@ json LiveView::State::perform(int viewer, const json& message) {
   if (!OperatorDesk::ends_run(word) && operator_viewer != viewer)
     throw std::invalid_argument("take control first: you are looking on");
   if (word == "release") return operator_viewer = 0, json{{"done", word}};
-  if (word == "adjust") return adjust(message);
   if (word == "invite") return {{"invitation", server.invitation()}};
   const auto near = board.samples("clearance", {}, 1);
   const ClearanceBelief belief =
@@ -318,19 +313,6 @@ json LiveView::State::perform(int viewer, const json& message) {
   // The page marks where the path ends.
   const Eigen::Vector3d& last = command.targets.back();
   return {{"target", {last.x(), last.y(), last.z()}}};
-}
-
-/// A value that is left out moves nothing: the instruments are read, for the page that shows them.
-json LiveView::State::adjust(const json& message) {
-  if (!panel)
-    throw std::invalid_argument(
-        "instruments are adjusted by hand only in a run at the pace of the wall clock");
-  if (!message.contains("to")) return panel->read(), json{{"done", "adjust"}};
-  const json &instrument = message.value("instrument", json()), &to = message["to"];
-  if (!instrument.is_string()) throw std::invalid_argument("instrument: wants a text");
-  if (!to.is_number()) throw std::invalid_argument("to: wants a number, in SI units");
-  panel->adjust(instrument, to, "operator at the live view");
-  return {{"done", "adjust"}};
 }
 
 // The server listens from here on, without a session: viewers that come early wait for the
@@ -378,11 +360,6 @@ void LiveView::begin(Session& session) {
     state_->pointing.emplace(session.rig.model);
     state_->session = &session;
     state_->folder = session.recorder.folder();
-    if (session.real_time) {
-      state_->panel = std::make_unique<InstrumentPanel>(session.clock, session.rig,
-                                                        session.recorder, session.control);
-      state_->panel->begin();
-    }
   }
   // The board listens to the record, and frames come also while the script grabs none.
   session.recorder.watch(&state_->board);
@@ -393,13 +370,6 @@ void LiveView::begin(Session& session) {
 // Also called by the destructor, and for a run that never began: then there is no session to
 // forget.
 void LiveView::end(const std::string& outcome) {
-  // Its end waits for its task, which needs nothing of this view: without the lock.
-  std::unique_ptr<InstrumentPanel> panel;
-  {
-    const std::lock_guard lock(state_->mutex);
-    panel = std::move(state_->panel);
-  }
-  panel.reset();
   const std::lock_guard lock(state_->mutex);
   if (state_->session == nullptr) return;
   state_->session->recorder.watch(nullptr);

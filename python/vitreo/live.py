@@ -221,6 +221,15 @@ class Live:
         """Positions [[x, y, z], ...] in m, world frame, for a script that takes targets."""
         return self._command("target", by, positions=np.asarray(positions, dtype=float).reshape(-1, 3).tolist())
 
+    def adjust(self, instrument=None, to=None, by=None):
+        """Moves a stage, the lens or the focus, sets the lamp or a camera: `to` in SI units, of one of `instruments`.
+
+        Without arguments all of them are read, and the next status has the values. Only in a run at the pace of the wall clock.
+        """
+        if instrument is None and to is None:
+            return self._command("adjust", by)
+        return self._command("adjust", by, instrument=instrument, to=float(to))
+
     def _command(self, word, by, **fields):
         return self.request(word, by=by or getpass.getuser(), **fields)
 

@@ -350,5 +350,31 @@ TEST(Attach, FollowsARunReadsOnlyAndSpeaksToItWithControl) {
   EXPECT_EQ(place.read("code"), "3\n");
 }
 
+TEST(Control, MovesAStageOfARunAndNamesWhatDoesNotFit) {
+  const Workplace place;
+  place.write("long.lua",
+              "return { title = 'long', run = function(rig, p, run) run:wait(60) end }");
+  const std::string run =
+      "env XDG_RUNTIME_DIR='" + place.folder().string() + "' '" VITREO_PROGRAM "' ";
+  const std::string command =
+      "cd '" + place.folder().string() + "' && (" + run +
+      "run long.lua --rig calibration --real-time >run.out 2>&1; echo $? >code) & cd '" +
+      place.folder().string() + "'; for i in $(seq 40); do sleep 0.3; " + run +
+      "control status >/dev/null 2>&1 && break; done; " + run + "control adjust 'stage z=3mm'; " +
+      run + "control adjust 'stage z=3deg' 2>kind; " + run +
+      "control adjust 'stage w=3mm' 2>name; " + run +
+      "control adjust 'stage z' 2>form; for i in $(seq 40); do " + run +
+      "control adjust >list; grep -q 'stage z *3 mm' list && break; done; " + run +
+      "control stop; wait";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  EXPECT_TRUE(contains(place.read("kind"), "stage z is in m")) << place.read("kind");
+  EXPECT_TRUE(contains(place.read("name"), "'stage w' is none of those that can be adjusted"))
+      << place.read("name");
+  EXPECT_TRUE(contains(place.read("form"), "wants INSTRUMENT=VALUE")) << place.read("form");
+  EXPECT_TRUE(contains(place.read("list"), "stage z                      3 mm  -20 mm to 20 mm"))
+      << place.read("list") << place.read("run.out");
+  EXPECT_EQ(place.read("code"), "3\n");
+}
+
 }  // namespace
 }  // namespace vitreo

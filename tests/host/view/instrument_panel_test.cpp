@@ -4,6 +4,7 @@
 #include "host/view/instrument_panel.h"
 
 #include "devices/time/error.h"
+#include "host/view/control_socket.h"
 #include "tests/host/rig/fake_rig.h"
 
 #include <gtest/gtest.h>
@@ -108,6 +109,33 @@ TEST_F(InstrumentPanelTest, AStageGoesWhereItIsSentAndTheRecordSaysByWhom) {
   EXPECT_EQ(events().rfind(name + " to ", 0), 0U) << events();
   EXPECT_NE(events().find(", by anna\n"), std::string::npos) << events();
   ASSERT_NE(bench.recorder->stream("panel_stage"), nullptr) << "what is shown is recorded";
+}
+
+// By any face: the page, the control socket, a program.
+TEST_F(InstrumentPanelTest, TheControlSocketMovesAStageOnceItIsOffered) {
+  OperatorDesk& desk = bench.session->desk;
+  const auto ask = [&desk](const nlohmann::json& request) {
+    const nlohmann::json reply = answer_request(request.dump(), desk);
+    return reply["ok"].get<bool>() ? "" : reply["error"].get<std::string>();
+  };
+  const double there = 0.25 * axis.travel_min + 0.75 * axis.travel_max;
+  const nlohmann::json request = {
+      {"do", "adjust"}, {"by", "otto"}, {"instrument", name}, {"to", there}};
+  EXPECT_NE(ask(request).find("only in a run at the pace of the wall clock"), std::string::npos);
+  EXPECT_FALSE(desk.status().contains("instruments"));
+  desk.offer(panel.get());
+  const unsigned long before = desk.changes();
+  EXPECT_EQ(ask({{"do", "adjust"}, {"to", 1}}), "instrument: wants a text");
+  EXPECT_EQ(ask({{"do", "adjust"}, {"instrument", name}}), "to: wants a number, in SI units");
+  EXPECT_EQ(ask({{"do", "adjust"}}), "");
+  EXPECT_EQ(ask(request), "");
+  pass(2 + (axis.travel_max - axis.travel_min) / axis.speed);
+  EXPECT_NEAR(stage.position().front(), there, axis.resolution + 1e-9);
+  EXPECT_NE(events().find(", by otto\n"), std::string::npos) << events();
+  EXPECT_GT(desk.changes(), before) << "who watches is told";
+  EXPECT_EQ(desk.status()["instruments"], panel->status());
+  desk.offer(nullptr);
+  EXPECT_NE(ask(request), "");
 }
 
 TEST_F(InstrumentPanelTest, WhatIsOutsideOfTheRigsLimitsIsRefusedAndSaysThem) {

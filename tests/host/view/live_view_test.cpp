@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/live_view.h"
 
+#include "host/view/instrument_panel.h"
 #include "tests/host/rig/fake_rig.h"
 #include "tests/host/view/web_client.h"
 
@@ -94,15 +95,17 @@ TEST_F(LiveViewTest, InstrumentsAreAdjustedByTheOneWhoHasControlAlone) {
   EXPECT_NE(ask(*first, R"({"do": "take"})", R"({"done":"take"})"), "");
   EXPECT_NE(ask(*second, kLens, "take control first"), "");
   EXPECT_NE(ask(*first, kLens, "only in a run at the pace of the wall clock"), "");
-  view.end("completed");
   session.real_time = true;
-  view.begin(session);
+  PanelFace panel;
+  panel.begin(session);
   EXPECT_NE(ask(*first, kLens, "'lens_mover' is none of those that can be adjusted"), "")
       << "this rig has none";
   EXPECT_NE(ask(*first, R"({"do": "adjust", "instrument": 1, "to": 2})", "wants a text"), "");
   EXPECT_NE(ask(*first, R"({"do": "adjust", "instrument": "lamp", "to": "up"})", "wants a number"),
             "");
   EXPECT_NE(ask(*first, R"({"do": "adjust"})", R"({"done":"adjust"})"), "");
+  panel.end("completed");
+  EXPECT_NE(ask(*first, kLens, "only in a run at the pace of the wall clock"), "");
 }
 
 // By the attitude and view of the loop that wrote the stream; before there is one, for any
