@@ -30,6 +30,21 @@ Trajectory Trajectory::hold_at(const Eigen::Vector3d& point) {
   return result;
 }
 
+// Two samples of one speed: Hermite's cubic between them is the straight line.
+Trajectory Trajectory::glide(const Eigen::Vector3d& from, const Eigen::Vector3d& velocity,
+                             double time) {
+  require(velocity.allFinite(), "velocity: not finite");
+  require(positive(time), "time: must be finite and above 0 s");
+  Trajectory result = hold_at(from);
+  const double speed = velocity.norm();
+  if (!(speed * time > 0)) return result;
+  const Eigen::Vector3d along = velocity / speed;
+  result.knots_.front().tangent = along;
+  result.knots_.front().speed = speed;
+  result.knots_.push_back({from + time * velocity, along, speed * time, speed, time});
+  return result;
+}
+
 Trajectory Trajectory::line(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
                             const MotionLimits& limits) {
   return waypoints({from, to}, limits);

@@ -28,11 +28,15 @@ struct Spiral {
 };
 
 /// Starts and ends at rest, in the least time its limits allow along the path (straight parts stop
-/// at corners). All of the constructors throw std::invalid_argument naming what is not finite, too
-/// short or not above zero.
+/// at corners); but for glide(). All of the constructors throw std::invalid_argument naming what is
+/// not finite, too short or not above zero.
 class Trajectory {
  public:
   static Trajectory hold_at(const Eigen::Vector3d& point);
+  /// On at a constant velocity for so long, then at rest: for a place that moves, said anew before
+  /// the time is over. Does not start at rest.
+  static Trajectory glide(const Eigen::Vector3d& from, const Eigen::Vector3d& velocity,
+                          double time);
   static Trajectory line(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
                          const MotionLimits& limits);
   /// From the first corner along `side`, then along `up`, and back to where it began.

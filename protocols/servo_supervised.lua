@@ -1,15 +1,18 @@
 -- Supervised servoing (thesis 6.2, figures 6.7 and 6.8): the operator names points in the image's plane and a depth; the loop
 -- takes the robot there, and reports its height above the retina beside a zero level that the operator sets. Points come from
 -- a script (the parameter), are asked for one at a time, or are pointed at in the live view (`vitreo view servo_supervised
--- points=view`), where a joystick also changes the depth.
+-- points=view`), where a joystick also changes the depth. With fixed_to=retina each point goes with the retina that is seen behind
+-- it, whatever the eye does (rig drifting_eye, with feedback=color).
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "session.preparation"
+local color_feedback = require "session.color_feedback"
 local by_hand = require "session.manual_control"
 local expect = require "analysis.expectations"
 local eyes = require "session.eyes"
 local judge = require "analysis.path_accuracy"
 local published = require "analysis.published"
 local retina = require "calibration.retina"
+local retina_targets = require "session.retina_targets"
 local statistics = require "analysis.statistics"
 local track_errors = require "analysis.track_errors"
 local units = require "units"
@@ -39,8 +42,9 @@ local function asked(run, number, limit)
   return vector(coordinate "x", coordinate "y", coordinate "z")
 end
 
--- Visits what is pointed at in the live view, until the operator says that it is enough; between two places the joystick pushes.
-local function pointed(rig, run, servo, visit)
+-- Visits what is pointed at in the live view, until the operator says that it is enough; between two places the joystick pushes,
+-- or `keep` stays over the last one.
+local function pointed(rig, run, servo, visit, keep)
   local finished, place, last = false, vector(0, 0, 0), run:now()
   run:together(function()
     run:ask("point at places in the live view, or draw a path; when it is enough:", { choices = { "done" }, name = "more" })
@@ -56,9 +60,26 @@ local function pointed(rig, run, servo, visit)
       local jogged = by_hand.jogged(rig, place, run:now() - last)
       last = run:now()
       if jogged and by_hand.hold(run, servo, jogged) then place = jogged end
-      run:wait(0.1 * s)
+      if not (keep and keep()) then run:wait(0.1 * s) end
     end
   end)
+end
+
+-- The map of the retina, with a frame on it: what follows is fixed to what that one shows.
+local function retina_map(rig, run, servo, view)
+  local retina = retina_targets.open(rig, run, servo, view)
+  for _ = 1, 50 do
+    if retina_targets.look(retina) then return retina end
+  end
+  error("fixed_to: the top camera shows no retina that a frame could be found on", 0)
+end
+
+-- Goes to a point of the world, or of the retina. Returns whether it got there, or why not.
+local function go_to(servo, retina, target, p)
+  local options = { speed = p.speed, within = p.within, settle = 1 * s }
+  if not retina then return pcall(servo.go_to, servo, target, options) end
+  local went = retina_targets.go_to(retina, target, options)
+  return went.reached, went.problem
 end
 
 -- Figure 6.8's bar: how far above the zero level; its precision is the deviation over the last second. The retina lies where the
@@ -83,7 +104,7 @@ end
 return {
   title = "Supervised servoing",
   needs = { "top_camera", "coils", "sample" },
-  parameters = {
+  parameters = color_feedback.add_parameters {
     points = {
       default = "2,0,0; 2,1.5,0; -2,1.5,1; -2,-1,1; 0,0,-3",
       help = "x,y,z in mm, world, with ; between; ask: one at a time; view: pointed at in the live view",
@@ -96,6 +117,11 @@ return {
       help = "depth that the bar counts from, world z",
     },
     warn = { unit = "mm", default = 1.5 * mm, min = 0, max = 10 * mm, help = "above it: the operator is warned" },
+    fixed_to = {
+      choices = { "world", "retina" },
+      default = "world",
+      help = "what the points stay with: retina: each goes with what is seen behind it at the beginning, or when pointed at",
+    },
     within = { unit = "mm", default = 0.3 * mm, min = 0.02 * mm, max = 2 * mm, help = "how near is there" },
     speed = { unit = "mm/s", default = 0.5 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "along the way" },
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
@@ -111,7 +137,8 @@ return {
     local script = p.points ~= "ask" and p.points ~= "view" and read_points(p.points) or nil
     rig.sample:remove_robot()
     local truth = p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw) or nil
-    local background = rig:learn_background { frames = 15 }
+    local sight = color_feedback.options(rig, run, p)
+    local background = rig:learn_background { frames = 15 } -- feedback by color alone does not look at it
     local calibrates = p.calibrate == "yes" or (p.calibrate == "auto" and p.eye == "perturbed")
     local view
     if calibrates then
@@ -120,26 +147,39 @@ return {
       run:wait(0.2 * s) -- the next loop's currents must not follow these at once
       eyes.report(run, rig:eye(), truth)
     end
-    local servo <close> = rig:servo { background = background, field = p.field, view = view }
+    local servo <close> = rig:servo {
+      background = background,
+      feedback = sight.feedback,
+      model = sight.model,
+      field = p.field,
+      view = view,
+    }
     bring.insert(rig, servo, vector(0, 0, 0))
     bring.trim(servo, vector(0, 0, 0), { rounds = 1, within = view and 0.8 * mm or nil })
+    local retina = p.fixed_to == "retina" and retina_map(rig, run, servo, view) or nil
+    if retina and script then
+      for k, point in ipairs(script) do
+        script[k] = retina_targets.fix(retina, point)
+      end
+    end
     local rows, reached, warned, errors, bars = {}, 0, 0, {}, { x = {}, y = {}, p = {} }
     local number = 1
     local function visit(target)
       run:checkpoint("before point " .. number)
       if script then run:progress((number - 1) / #script, ("point %d of %d"):format(number, #script)) end
-      local there, problem = pcall(servo.go_to, servo, target, { speed = p.speed, within = p.within, settle = 1 * s })
+      local there, problem = go_to(servo, retina, target, p)
       if not there and not servo:status().position then error(problem, 0) end
       local from = run:now() - 1 * s
-      run:wait(0.3 * s)
+      if not retina then run:wait(0.3 * s) end -- over the retina it would be left behind meanwhile
+      local at = retina and target.place or target
       local bar = depth_bar(run, rig, servo, p)
       if there then reached = reached + 1 end
       run:note(
         ("point %d at %s, %s, %s: %s"):format(
           number,
-          format_quantity(target.x, "m"),
-          format_quantity(target.y, "m"),
-          format_quantity(target.z, "m"),
+          format_quantity(at.x, "m"),
+          format_quantity(at.y, "m"),
+          format_quantity(at.z, "m"),
           there and "reached" or "not reached, " .. tostring(problem)
         )
       )
@@ -164,9 +204,9 @@ return {
       servo:snapshot(("point %d"):format(number))
       rows[number] = {
         tostring(number),
-        format_quantity(target.x, "m"),
-        format_quantity(target.y, "m"),
-        format_quantity(target.z, "m"),
+        format_quantity(at.x, "m"),
+        format_quantity(at.y, "m"),
+        format_quantity(at.z, "m"),
         there and "reached" or "not reached",
         bar and format_quantity(bar.above, "m") or "–",
         bar and "± " .. format_quantity(bar.precision, "m") or "–",
@@ -174,12 +214,27 @@ return {
       }
       number = number + 1
     end
+    local over -- the point of the retina that was visited last
+    local function visit_over(target)
+      retina_targets.look(retina)
+      over = retina.pose and retina_targets.fix(retina, target) or nil
+      if over then return visit(over) end
+      run:note "the retina is not found: a point is not gone to"
+    end
+    local function keep()
+      if over then retina_targets.keep(retina, over) end
+      return over
+    end
     if p.points == "view" then
-      pointed(rig, run, servo, visit)
+      pointed(rig, run, servo, retina and visit_over or visit, retina and keep)
     else
       local target = script and script[1] or not script and asked(run, 1, 5 * mm)
       while target do
-        visit(target)
+        if retina and not script then
+          visit_over(target)
+        else
+          visit(target)
+        end
         if script then
           target = script[number]
         else
@@ -189,6 +244,11 @@ return {
     end
     if #rows == 0 and p.points == "view" then return run:note("no place was pointed at") end
     if #rows == 0 then error("no point was given", 0) end
+    if retina then
+      run:result("frames", retina.frames)
+      run:result("frames_on_map", retina.found)
+      run:picture { title = "The map of the retina", image = retina.map:picture().image }
+    end
     run:table {
       title = "Points and depth bar, as figures 6.7 and 6.8",
       rows = rows,

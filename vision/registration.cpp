@@ -26,8 +26,19 @@ constexpr double kWhitening = 0.75;
 // Of the overlap's parts with structure: fewer are no verification.
 constexpr int kFewestParts = 3;
 constexpr double kLeastAgreeing = 0.6;
-constexpr double kFlattening_px = 0.25;
 constexpr double kMostOff_px = 1.0;  // of them: beyond it the model does not fit
+// Of the smooth part of that, as a distance; a measured distortion is seen too small by a third
+// where the overlap is narrow, and nothing beyond a pixel may pass.
+constexpr double kMostField_px = 0.6;
+// Of its noise: chi^2 of the field's twelve exceeds it by chance in one pair of 2000.
+constexpr double kFieldShows = 1.7;
+constexpr double kElsewhere_px = 6;  // at a quarter resolution: another pose
+constexpr double kRival = 0.8;       // of the best score: a second peak that is verified as well
+// A retina that did not move under the sensor.
+constexpr double kAtRest_px = 4;
+constexpr double kSameStructure = 1.2;    // standard deviations of the view
+constexpr double kRestCorrelation = 0.2;  // of the views without what is the same in both
+constexpr double kRestOff_px = 1;
 
 // Linear taper to 0 at the border, against the spectrum's leakage.
 cv::Mat tapered(const cv::Mat& image) {
@@ -106,14 +117,14 @@ cv::Mat warped(const cv::Mat& image, const Eigen::Affine2d& to_from) {
 
 // Exhaustive over rotation, by correlation over translation, at the coarsest level; no features, no
 // RANSAC. The best candidate is that of the highest Pearson correlation times the root of the
-// overlap.
+// overlap; the second is the best of those that lie elsewhere. Either may be missing.
 // The first view's spectrum is computed once; each angle costs one transform forwards and one back.
-Candidate search_pose(const RegistrationView& first, const RegistrationView& second,
-                      const RegistrationSettings& settings) {
+std::vector<Candidate> search_pose(const RegistrationView& first, const RegistrationView& second,
+                                   const RegistrationSettings& settings) {
   const cv::Mat a = spectrum_of(tapered(first.level(kCoarsest).image));
   const cv::Mat b = tapered(second.level(kCoarsest).image);
   const int turns = static_cast<int>(std::ceil(settings.max_rotation / kAngleStep));
-  Candidate best;
+  std::vector<Candidate> found;
   for (int k = -turns; k <= turns; ++k) {
     // Steps of at most kAngleStep that include both ends and 0.
     const double angle = turns == 0 ? 0 : k * settings.max_rotation / turns;
@@ -125,8 +136,19 @@ Candidate search_pose(const RegistrationView& first, const RegistrationView& sec
       if (overlap.share < settings.min_overlap) continue;
       // By chance a correlation of n pixels reaches about 1 / sqrt(n).
       const double score = overlap.correlation * std::sqrt(overlap.share);
-      if (score > best.score) best = {first_from_second, score};
+      if (score > 0) found.push_back({first_from_second, score});
     }
+  }
+  std::stable_sort(found.begin(), found.end(),
+                   [](const Candidate& x, const Candidate& y) { return x.score > y.score; });
+  const Eigen::Vector2d middle(b.cols / 2.0, b.rows / 2.0);
+  std::vector<Candidate> best;
+  for (const Candidate& one : found) {
+    const auto there = [&](const Candidate& other) {
+      return (one.first_from_second * middle - other.first_from_second * middle).norm() <
+             kElsewhere_px;
+    };
+    if (best.size() < 2 && std::none_of(best.begin(), best.end(), there)) best.push_back(one);
   }
   return best;
 }
@@ -147,28 +169,24 @@ bool verified(const RegistrationView& first, const RegistrationView& second,
       off > kMostOff_px)
     return false;
   result.agreeing = static_cast<double>(parts.agreeing) / parts.parts;
-  // The flattening differs between two views and moves a part by up to a quarter of a pixel, each
-  // its own way; what is left beyond that, and beyond each part's noise, the model cannot follow.
-  const double noise = result.sigma_px * std::sqrt(static_cast<double>(parts.agreeing));
-  result.sigma_px = std::hypot(result.sigma_px, std::max(off - kFlattening_px - 2 * noise, 0.0));
+  // The smooth part of it is what the model cannot follow: distortion, or a tilt.
+  const double shown =
+      parts.field_px > kFieldShows * parts.field_noise_px
+          ? parts.field_px * parts.field_px - parts.field_noise_px * parts.field_noise_px
+          : 0;
+  const double misfit = 2 * std::sqrt(shown);
+  if (misfit > kMostField_px) return false;
+  result.sigma_px = std::hypot(result.sigma_px, misfit);
   return true;
 }
-
-}  // namespace
 
 // Coarse to fine: the pyramid's levels in turn, each from the result of the one before.
 // Correlation and overlap in the result are those of the coarsest level, sigma_px is that of full
 // resolution.
-std::optional<Registration> refine_registration(const RegistrationView& first,
-                                                const RegistrationView& second,
-                                                const Eigen::Affine2d& first_from_second,
-                                                const RegistrationSettings& settings) {
-  settings.check();
-  require(first.size() == second.size(), "second: views must be of one size");
-  require(first_from_second.matrix().allFinite() &&
-              std::abs(first_from_second.linear().determinant()) > 1e-3,
-          "first_from_second: must be finite and invertible");
-  if (first.blank() || second.blank()) return std::nullopt;
+std::optional<Registration> refine_levels(const RegistrationView& first,
+                                          const RegistrationView& second,
+                                          const Eigen::Affine2d& first_from_second,
+                                          const RegistrationSettings& settings) {
   Eigen::Affine2d second_from_first = first_from_second.inverse();
   scale_shift(second_from_first, 1.0 / kShrink);
   Registration result;
@@ -187,23 +205,103 @@ std::optional<Registration> refine_registration(const RegistrationView& first,
     }
     if (level > 0) scale_shift(second_from_first, 2);
   }
-  if (!verified(first, second, second_from_first, result)) return std::nullopt;
   result.first_from_second = second_from_first.inverse();
   return result;
 }
 
-// The best candidate alone is refined: at a quarter of the resolution the right one stands out or
-// there is none.
+// Root mean square, over a grid on the view, of what one pose moves against another.
+double apart_px(const Eigen::Affine2d& a, const Eigen::Affine2d& b, const cv::Size& size) {
+  constexpr int kSide = 5;
+  double sum = 0;
+  for (int k = 0; k < kSide * kSide; ++k) {
+    const Eigen::Vector2d p((k % kSide) * (size.width - 1.0) / (kSide - 1),
+                            (k / kSide) * (size.height - 1.0) / (kSide - 1));
+    sum += (a * p - b * p).squaredNorm();
+  }
+  return std::sqrt(sum / (kSide * kSide));
+}
+
+// Strong structure that two views have at the same pixels, with its surroundings.
+cv::Mat same_in_both(const RegistrationView& first, const RegistrationView& second) {
+  const cv::Mat& a = first.level(0).image;
+  const cv::Mat& b = second.level(0).image;
+  cv::Mat strength;
+  cv::min(cv::Mat(cv::abs(a)), cv::Mat(cv::abs(b)), strength);
+  cv::Mat same = (strength > kSameStructure) & (cv::abs(a - b) < 0.5 * strength);
+  cv::dilate(same, same, cv::getStructuringElement(cv::MORPH_ELLIPSE, {9, 9}));
+  return same;
+}
+
+// Where the retina seems to be at rest, dirt and reflexes agree with that pose wherever the retina
+// is. Without the strong structure that is the same in both views the rest must still agree, and
+// what that moves is how far the sensor's own structure can have pulled the answer.
+bool agrees_beyond_the_sensor(const RegistrationView& first, const RegistrationView& second,
+                              const RegistrationSettings& settings, Registration& result) {
+  const cv::Mat same = same_in_both(first, second);
+  RegistrationView a = first;
+  RegistrationView b = second;
+  a.leave_out(same);
+  b.leave_out(same);
+  RegistrationSettings rest = settings;
+  rest.min_correlation = std::min(kRestCorrelation, settings.min_correlation);
+  const auto again = refine_levels(a, b, result.first_from_second, rest);
+  if (!again) return false;
+  const double apart = apart_px(again->first_from_second, result.first_from_second, first.size());
+  if (apart > kRestOff_px) return false;
+  // Less the noise of the second look, which saw fewer pixels.
+  const double pull = apart * apart - again->sigma_px * again->sigma_px;
+  result.sigma_px = std::hypot(result.sigma_px, std::sqrt(std::max(pull, 0.0)));
+  return true;
+}
+
+}  // namespace
+
+// Refined, verified by its parts, and, of a retina at rest, by what is not the sensor's.
+std::optional<Registration> refine_registration(const RegistrationView& first,
+                                                const RegistrationView& second,
+                                                const Eigen::Affine2d& first_from_second,
+                                                const RegistrationSettings& settings) {
+  settings.check();
+  require(first.size() == second.size(), "second: views must be of one size");
+  require(first_from_second.matrix().allFinite() &&
+              std::abs(first_from_second.linear().determinant()) > 1e-3,
+          "first_from_second: must be finite and invertible");
+  if (first.blank() || second.blank()) return std::nullopt;
+  auto found = refine_levels(first, second, first_from_second, settings);
+  if (!found || !verified(first, second, found->first_from_second.inverse(), *found))
+    return std::nullopt;
+  const double moved =
+      apart_px(found->first_from_second, Eigen::Affine2d::Identity(), first.size());
+  if (moved < kAtRest_px && !agrees_beyond_the_sensor(first, second, settings, *found))
+    return std::nullopt;
+  return found;
+}
+
+// The best candidate is refined; the second as well where it is about as good, or the best one
+// fails, as dirt's pose does. Two that are both verified are no answer.
 std::optional<Registration> register_views(const RegistrationView& first,
                                            const RegistrationView& second,
                                            const RegistrationSettings& settings) {
   settings.check();
   require(first.size() == second.size(), "second: views must be of one size");
   if (first.blank() || second.blank()) return std::nullopt;
-  Candidate best = search_pose(first, second, settings);
-  if (best.score <= 0) return std::nullopt;
-  scale_shift(best.first_from_second, kShrink);
-  return refine_registration(first, second, best.first_from_second, settings);
+  const std::vector<Candidate> candidates = search_pose(first, second, settings);
+  std::optional<Registration> found;
+  for (std::size_t k = 0; k < candidates.size(); ++k) {
+    const Candidate& one = candidates[k];
+    if (found && one.score < kRival * candidates.front().score) break;
+    Eigen::Affine2d guess = one.first_from_second;
+    scale_shift(guess, kShrink);
+    const auto refined = refine_registration(first, second, guess, settings);
+    if (!refined) continue;
+    if (found &&
+        apart_px(found->first_from_second, refined->first_from_second, first.size()) > kAtRest_px)
+      return std::nullopt;
+    if (found) continue;
+    found = refined;
+    if (candidates.size() > 1) found->second_peak = candidates[1 - k].score / one.score;
+  }
+  return found;
 }
 
 }  // namespace vitreo::vision

@@ -15,10 +15,14 @@ struct Registration {
   Eigen::Affine2d first_from_second = Eigen::Affine2d::Identity();  ///< px
   double correlation = 0;
   double overlap = 0;  ///< share of the second view
-  /// Standard deviation of the overlap's points: from the images' noise, and from what parts of the
-  /// overlap, each on its own, would be moved.
+  /// Standard deviation of the overlap's points, as a distance: from the images' noise, from the
+  /// smooth part of what parts of the overlap, each on its own, would be moved, and, of a retina at
+  /// rest, from what the sensor's own structure moves.
   double sigma_px = 0;
   double agreeing = 1;  ///< share of the parts with structure that correlate
+  /// Score of the search's other pose over that of this one; 0 without a search. Above 0.8 both
+  /// are verified, and where both pass there is no answer; above 1 the better one did not pass.
+  double second_peak = 0;
 };
 
 /// Without any guess: phase correlation (Kuglin & Hines 1975), partly whitened, at each angle of a

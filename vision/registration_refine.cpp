@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 namespace vitreo::vision {
 namespace {
@@ -69,6 +70,8 @@ struct PairMoments {
   double mean_b() const { return b / n; }
   double sigma_a() const { return std::sqrt(std::max(aa / n - mean_a() * mean_a(), 1e-12)); }
   double sigma_b() const { return std::sqrt(std::max(bb / n - mean_b() * mean_b(), 1e-12)); }
+  /// Mean square of a - b.
+  double difference() const { return std::max((aa - 2 * ab + bb) / n, 0.0); }
   double correlation() const { return (ab / n - mean_a() * mean_b()) / (sigma_a() * sigma_b()); }
 };
 
@@ -85,6 +88,7 @@ PairMoments pair_moments(const RegistrationView::Level& first,
 struct RefineEquations {
   Matrix6 information = Matrix6::Zero();
   Vector6 right = Vector6::Zero();
+  Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();  // of (x, y, 1) over the overlap
   double squares = 0;
   double weights = 0;
   double count = 0;
@@ -129,11 +133,13 @@ RefineEquations refine_equations(const RegistrationView::Level& first,
     row << gu * x, gu * y, gu, gv * x, gv * y, gv;
     e.information.selfadjointView<Eigen::Lower>().rankUpdate(row, w);
     sum += (w * miss) * row;
+    e.moments.selfadjointView<Eigen::Lower>().rankUpdate(Eigen::Vector3d(x, y, 1));
     e.squares += w * miss * miss;
     e.weights += w;
     e.count += 1;
   });
   e.information = Matrix6(e.information.selfadjointView<Eigen::Lower>());
+  e.moments = Eigen::Matrix3d(e.moments.selfadjointView<Eigen::Lower>()) / e.count;
   e.right = sum;
   return e;
 }
@@ -202,10 +208,11 @@ std::optional<double> refine_at_level(const RegistrationView& first, const Regis
     const Eigen::MatrixXd inverse =
         solver.solve(Eigen::MatrixXd::Identity(freedoms.cols(), freedoms.cols()));
     // A step's covariance is (J' W J)^-1 s^2 for independent pixels, kSharedNoise times that here.
-    // sigma: per coordinate of a point at the border, |x| = |y| = 1, correlations neglected.
+    // sigma: of the overlap's points, the root mean square distance: tr(C M) for both coordinates.
     const Matrix6 covariance =
         freedoms * inverse * freedoms.transpose() * (rms * rms * kSharedNoise);
-    sigma = std::sqrt(covariance.diagonal().sum() / 2);
+    sigma = std::sqrt((covariance.topLeftCorner<3, 3>() * e.moments).trace() +
+                      (covariance.bottomRightCorner<3, 3>() * e.moments).trace());
     if (change.lpNorm<Eigen::Infinity>() < kConvergedPx) break;
   }
   return sigma;
@@ -225,47 +232,132 @@ constexpr double kFewestInPart = 150;   // pixels
 constexpr double kPartStructure = 0.3;  // standard deviations of the whole view
 constexpr double kPartAgrees = 0.4;     // correlation
 constexpr double kShown = 0.2;          // of a part's information in its best direction
+// px of the level, that the flattening of two views moves a part by, each its own way.
+constexpr double kFlattening = 0.1;
 
-}  // namespace
+// One coordinate of a part's own shift, along a direction in which it shows one.
+struct PartShift {
+  Eigen::Vector2d at;     // of the part's middle, -1 to 1 over the view
+  Eigen::Vector2d along;  // unit
+  double px;
+  double variance;
+};
 
-// One Gauss-Newton step of a shift alone in each part of the first view (Lucas & Kanade 1981). A
-// part whose structure shows in both views and does not correlate speaks against the pose.
-PartAgreement agreement_of(const RegistrationView& first, const RegistrationView& second,
-                           const Eigen::Affine2d& second_from_first, int level) {
-  const RegistrationView::Level& a = first.level(level);
-  std::array<Part, kPartsPerSide * kPartsPerSide> parts;
-  const auto part_at = [&](int u, int v) -> Part& {
-    return parts[static_cast<std::size_t>((v * kPartsPerSide / a.image.rows) * kPartsPerSide +
-                                          u * kPartsPerSide / a.image.cols)];
-  };
-  for_overlap(a, second.level(level), second_from_first, 1, [&](int u, int v, double gray) {
-    Part& part = part_at(u, v);
+using FieldVector = Eigen::Matrix<double, 12, 1>;
+using FieldMatrix = Eigen::Matrix<double, 12, 12>;
+
+// Six terms of either coordinate.
+Eigen::Matrix<double, 2, 12> field_terms(const Eigen::Vector2d& p) {
+  Eigen::Matrix<double, 1, 6> terms;
+  terms << 1, p.x(), p.y(), p.x() * p.x(), p.x() * p.y(), p.y() * p.y();
+  Eigen::Matrix<double, 2, 12> result = Eigen::Matrix<double, 2, 12>::Zero();
+  result.row(0).head<6>() = terms;
+  result.row(1).tail<6>() = terms;
+  return result;
+}
+
+// Weighted least squares with a weak prior (3 px), so that few parts make no wild field, reweighted
+// by Cauchy's function: a part with dirt in it is moved by that alone. The covariance grows by what
+// the shifts scatter about the field beyond their own variances.
+void fit_field(const std::vector<PartShift>& shifts, PartAgreement& result) {
+  constexpr double kPrior = 1.0 / (3 * 3);
+  constexpr int kRounds = 6;
+  std::vector<double> weights(shifts.size(), 1);
+  FieldMatrix inverse;
+  FieldVector field;
+  double scatter = 0;
+  for (int round = 0; round < kRounds; ++round) {
+    FieldMatrix information = kPrior * FieldMatrix::Identity();
+    FieldVector right = FieldVector::Zero();
+    for (std::size_t k = 0; k < shifts.size(); ++k) {
+      const PartShift& one = shifts[k];
+      const FieldVector row = field_terms(one.at).transpose() * one.along;
+      information += row * row.transpose() * (weights[k] / one.variance);
+      right += row * (one.px * weights[k] / one.variance);
+    }
+    inverse = information.inverse();
+    field = inverse * right;
+    double chi2 = 0;
+    double total = 0;
+    for (std::size_t k = 0; k < shifts.size(); ++k) {
+      const PartShift& one = shifts[k];
+      const double miss = one.px - one.along.dot(field_terms(one.at) * field);
+      const double squared = miss * miss / one.variance;
+      chi2 += weights[k] * squared;
+      total += weights[k];
+      weights[k] = 1 / (1 + squared / 4);
+    }
+    scatter = std::max(chi2 / std::max(total - 12, 1.0), 1.0);
+  }
+  double squares = 0;
+  double noise = 0;
+  for (const PartShift& one : shifts) {
+    const Eigen::Matrix<double, 2, 12> terms = field_terms(one.at);
+    squares += (terms * field).squaredNorm();
+    noise += (terms * inverse * terms.transpose()).trace();
+  }
+  const auto count = static_cast<double>(shifts.size());
+  result.field_px = std::sqrt(squares / count);
+  result.field_noise_px = std::sqrt(scatter * noise / count);
+}
+
+using Parts = std::array<Part, kPartsPerSide * kPartsPerSide>;
+
+// The sums of each part of the first view.
+Parts parts_of(const RegistrationView::Level& a, const RegistrationView::Level& b,
+               const Eigen::Affine2d& second_from_first) {
+  Parts parts;
+  for_overlap(a, b, second_from_first, 1, [&](int u, int v, double gray) {
+    Part& part = parts[static_cast<std::size_t>((v * kPartsPerSide / a.image.rows) * kPartsPerSide +
+                                                u * kPartsPerSide / a.image.cols)];
     const double value = a.image.at<float>(v, u);
     const Eigen::Vector2d slope(a.du.at<float>(v, u), a.dv.at<float>(v, u));
     part.moments.add(value, gray);
     part.information += slope * slope.transpose();
     part.right += (gray - value) * slope;
   });
+  return parts;
+}
+
+// One Gauss-Newton step of a shift alone (Lucas & Kanade 1981). A part with one straight vessel
+// does not say how far it is off along it: only directions that it shows count (the aperture
+// problem).
+void add_shifts(const Part& part, const Eigen::Vector2d& at, std::vector<PartShift>& shifts) {
+  const double noise = part.moments.difference() * kSharedNoise;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> along(part.information);
+  for (int k = 0; k < 2; ++k) {
+    const double information = along.eigenvalues()[k];
+    if (information < kShown * along.eigenvalues()[1] || !(information > 0)) continue;
+    shifts.push_back({at, along.eigenvectors().col(k),
+                      along.eigenvectors().col(k).dot(part.right) / information,
+                      noise / information + kFlattening * kFlattening});
+  }
+}
+
+}  // namespace
+
+// A part whose structure shows in both views and does not correlate speaks against the pose.
+PartAgreement agreement_of(const RegistrationView& first, const RegistrationView& second,
+                           const Eigen::Affine2d& second_from_first, int level) {
+  const Parts parts = parts_of(first.level(level), second.level(level), second_from_first);
+  const auto middle = [](std::size_t k) {
+    return (static_cast<double>(k) + 0.5) * 2 / kPartsPerSide - 1;
+  };
   PartAgreement result;
-  double squares = 0;
-  int directions = 0;
-  for (const Part& part : parts) {
-    const PairMoments& m = part.moments;
+  std::vector<PartShift> shifts;
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    const PairMoments& m = parts[k].moments;
     if (m.n < kFewestInPart || std::min(m.sigma_a(), m.sigma_b()) < kPartStructure) continue;
     ++result.parts;
     if (m.correlation() < kPartAgrees) continue;
     ++result.agreeing;
-    // A part with one straight vessel does not say how far it is off along it: only directions that
-    // the part shows count (the aperture problem).
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> along(part.information);
-    for (int k = 0; k < 2; ++k) {
-      const double information = along.eigenvalues()[k];
-      if (information < kShown * along.eigenvalues()[1] || !(information > 0)) continue;
-      squares += std::pow(along.eigenvectors().col(k).dot(part.right) / information, 2);
-      ++directions;
-    }
+    add_shifts(parts[k], {middle(k % kPartsPerSide), middle(k / kPartsPerSide)}, shifts);
   }
-  if (directions > 0) result.rms_px = std::sqrt(squares / directions);
+  if (shifts.empty()) return result;
+  double squares = 0;
+  for (const PartShift& one : shifts) squares += one.px * one.px;
+  result.rms_px = std::sqrt(squares / static_cast<double>(shifts.size()));
+  fit_field(shifts, result);
   return result;
 }
 

@@ -165,6 +165,9 @@ void RegistrationView::mask_levels(const cv::Mat& out) {
     if (left.size() != level.image.size())
       cv::resize(left, left, level.image.size(), 0, 0, cv::INTER_AREA);
     if (level.valid.empty()) level.valid = cv::Mat(level.image.size(), CV_8UC1, cv::Scalar(255));
+    // Copies of a view share their pixels.
+    level.valid = level.valid.clone();
+    level.image = level.image.clone();
     level.valid.setTo(0, left != 0);
     level.image.setTo(0, left != 0);
   }

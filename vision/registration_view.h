@@ -42,7 +42,7 @@ class RegistrationView {
   const cv::Size& size() const { return size_; }
   bool blank() const { return blank_; }  ///< no structure to register
   /// `fixed`: CV_8UC1 of the view's size, not 0 where something is fixed to the sensor. Throws
-  /// std::invalid_argument for another type or size.
+  /// std::invalid_argument for another type or size. Copies made before keep it.
   void leave_out(const cv::Mat& fixed);
 
  private:

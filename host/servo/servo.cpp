@@ -59,8 +59,9 @@ void Servo::follow(const control::Trajectory& path, int pictures) {
   loop_->status.progress = 0;
 }
 
-void Servo::hold(const Eigen::Vector3d& position) {
-  loop_->set_goal(Loop::Mode::holding, control::Trajectory::hold_at(position), 0);
+void Servo::hold(const Eigen::Vector3d& position, const Eigen::Vector3d& velocity) {
+  loop_->set_goal(Loop::Mode::holding, control::Trajectory::glide(position, velocity, kMovingHold),
+                  0);
 }
 
 void Servo::turn(const control::DirectionPath& path) {

@@ -63,7 +63,12 @@ class Servo {
   /// many snapshots evenly along the way. Throws std::invalid_argument for a position out of reach,
   /// or nearer to a wall than the keep-out margin, and then goes on as before.
   void follow(const control::Trajectory& path, int pictures = 0);
-  void hold(const Eigen::Vector3d& position);  // throws as follow
+  /// Holds a position from the next tick on. One that moves (m/s) goes on for kMovingHold s, and
+  /// rests there unless it was said anew: a script that falls silent sends the robot nowhere.
+  /// Throws as follow.
+  void hold(const Eigen::Vector3d& position,
+            const Eigen::Vector3d& velocity = Eigen::Vector3d::Zero());
+  static constexpr double kMovingHold = 0.25;
   /// Turns the robot's axis along a reference, from the next tick on, whatever the position does.
   /// The rotation about the axis itself is not controlled: a moment along it has no torque there.
   /// Throws std::invalid_argument for the law rotating, whose axis is its means to go somewhere.

@@ -43,6 +43,23 @@ TEST(Trajectory, of_a_point_stays_there) {
   EXPECT_EQ(path.at(0).velocity.norm(), 0);
 }
 
+TEST(Trajectory, of_a_place_that_glides_keeps_its_velocity_and_rests_after_its_time) {
+  const Eigen::Vector3d velocity(1e-3, -2e-3, 0);
+  const Trajectory path = Trajectory::glide({1, 2, 3}, velocity, 0.5);
+  EXPECT_EQ(path.duration(), 0.5);
+  for (const double t : {0.0, 0.1, 0.49}) {
+    EXPECT_LT((path.at(t).position - (Eigen::Vector3d(1, 2, 3) + t * velocity)).norm(), 1e-15);
+    EXPECT_LT((path.at(t).velocity - velocity).norm(), 1e-15);
+  }
+  EXPECT_LT((path.at(9).position - (Eigen::Vector3d(1, 2, 3) + 0.5 * velocity)).norm(), 1e-15);
+  EXPECT_EQ(path.at(9).velocity.norm(), 0);
+  const Trajectory still = Trajectory::glide({1, 2, 3}, Eigen::Vector3d::Zero(), 0.5);
+  EXPECT_EQ(still.duration(), 0);
+  EXPECT_EQ(still.at(0.2).position, Eigen::Vector3d(1, 2, 3));
+  EXPECT_THROW(Trajectory::glide({1, 2, 3}, velocity, 0), std::invalid_argument);
+  EXPECT_THROW(Trajectory::glide({1, 2, 3}, velocity / 0.0, 1), std::invalid_argument);
+}
+
 TEST(Trajectory, along_a_line_takes_the_time_of_the_trapezium) {
   const Trajectory path = Trajectory::line({0, 0, 0}, {2e-3, 0, 0}, kLimits);
   EXPECT_NEAR(path.duration(), 2e-3 / 0.5e-3 + 0.5e-3 / 2e-3,

@@ -337,7 +337,12 @@ std::vector<Binding> steering_rows() {
        follow,
        "servo:follow({ { 0, 0, 0 }, { 0.5 * mm, 0, 0 } }, { speed = 1 * mm / s })"},
       {"hold",
-       {place},
+       {place, options_of({{.name = "velocity",
+                            .type = Type::vector,
+                            .unit = "m/s",
+                            .optional = true,
+                            .help = "of a place that moves: it goes on for 0.25 s, and rests "
+                                    "there unless it is said anew (0)"}})},
        "",
        "holds a place from now on; does not wait",
        hold,

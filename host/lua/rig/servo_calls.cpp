@@ -446,7 +446,8 @@ int servo_calls::follow(Call& call) {
 
 int servo_calls::hold(Call& call) {
   throw_if_troubled(call.self<Servo>());
-  call.self<Servo>().hold(call.vector(0));
+  call.self<Servo>().hold(call.vector(0),
+                          call.vector_option("velocity").value_or(Eigen::Vector3d::Zero()));
   return 0;
 }
 
