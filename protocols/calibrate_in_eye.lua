@@ -28,7 +28,7 @@ end
 
 -- The same place with the axis pitched by `pitch`, and a frame now and then on the way to it.
 local function flights(run, servo, places, p)
-  local looks = {}
+  local looks, times = {}, {}
   for i, place in ipairs(places) do
     local pitch = p.pitch * math.sin(1.7 * i)
     local direction = vector(math.cos(pitch), 0, math.sin(pitch))
@@ -38,10 +38,34 @@ local function flights(run, servo, places, p)
     if went then
       local from = run:now()
       run:wait(0.3 * s)
-      looks[#looks + 1] = chain.look(run, from)
+      local look = chain.look(run, from)
+      if look then
+        looks[#looks + 1], times[#times + 1] = look, from
+      end
     end
   end
-  return looks
+  return looks, times
+end
+
+-- Goes on flying with the calibrated chain, which the frames refine as they come (self-calibration while it works), until the
+-- bench is no longer the calibrated one.
+local function work_on(rig, run, servo, calibrated, p)
+  local space, made = chain.workspace, nil
+  local places = chain.places(rig, p.further, space.reach, space.low, space.high)
+  for first = 1, #places, 10 do
+    run:checkpoint "before ten further places"
+    local ten = table.move(places, first, math.min(first + 9, #places), 1, {})
+    local looks, times = flights(run, servo, ten, p)
+    if #looks > 0 then made = chain.refine(run, made and made.chain or calibrated, looks, times) end
+    if made and made.changed then
+      run:note(("The bench has changed (%s): %d frames before it are kept. Calibrate anew."):format(made.changed, made.frames))
+      break
+    end
+  end
+  if not made then return end
+  run:result("refined_by_frames", made.frames)
+  run:result("refined_part_of_height", made.height, "m")
+  run:result("bench_changed", made.changed and 1 or 0)
 end
 
 return {
@@ -51,6 +75,13 @@ return {
     landings = { default = 5, min = 1, max = 9, integer = true, help = "on the retina" },
     apart = { unit = "mm", default = 2 * mm, min = 0.5 * mm, max = 4 * mm, help = "of the outer ones from the middle" },
     frames = { default = 60, min = 5, max = 1000, integer = true, help = "of free flight, each at a place of its own" },
+    further = {
+      default = 0,
+      min = 0,
+      max = 1000,
+      integer = true,
+      help = "frames afterwards that refine the chain while it works",
+    },
     pitch = { unit = "deg", default = 20 * units.deg, min = 0, max = 40 * units.deg, help = "of the robot in flight" },
     length = { unit = "mm", default = 2 * mm, min = 0.01 * mm, max = 20 * mm, help = "of the robot, measured" },
     width = { unit = "mm", default = 1 * mm, min = 0.01 * mm, max = 20 * mm, help = "of the robot, measured" },
@@ -87,5 +118,6 @@ return {
       return found and found.height_sigma or 0 / 0
     end)
     run:result("height_sigma_median", statistics.median(heights), "m")
+    if p.further > 0 then work_on(rig, run, servo, made.chain, p) end
   end,
 }

@@ -202,10 +202,10 @@ struct Laboratory::State {
     const optics::ImageScale& image = settings.top_image;
     if (settings.top_view == TopView::plain) {
       top_renderer.emplace(
-          plain_view(image.pixel, image.center_px, size),
+          plain_view(image.pixel, image.center_px, size, settings.plain),
           Aperture{settings.microscope.numerical_aperture, 550e-9, image.pixel},
-          [](const Eigen::Vector2d&, double z) { return z; }, side_ground(size.width, size.height),
-          0, sensor, robot, noise);
+          [plane = settings.plain.plane](const Eigen::Vector2d&, double z) { return z - plane; },
+          side_ground(size.width, size.height), 0, sensor, robot, noise);
       return;
     }
     // The mover shifts the condensing lens by `lens`: the air before it grows, and the observer,

@@ -47,8 +47,8 @@ struct LaboratorySettings {
   CameraSettings top;
   CameraSettings side;
   TopView top_view = TopView::microscope;
-  // numerical aperture of the eye's pupil, seen from a bare sensor (thesis 4.1)
-  double sensor_aperture = 0.159;
+  PlainMicroscope plain;           // of the view without an eye
+  double sensor_aperture = 0.159;  // NA of the eye's pupil, seen from a bare sensor (thesis 4.1)
   // soft robots are drawn as the crossed plates they are; the localizer's are ellipsoids
   bool plates = true;
   // m/s: fastest speed at which the picture of the retina goes to and fro, by 1.5 mm either way, as

@@ -120,6 +120,9 @@ LaboratorySettings with_optics(LaboratorySettings settings, const OpticsSample& 
   settings.top_image.pixel *= 1 + sample.pixel;
   const Eigen::Vector2d off = sample.center / settings.top_image.pixel;
   settings.top_image.center_px += Eigen::Vector2d(off.x(), -off.y());
+  if (settings.top_view == TopView::plain)
+    settings.plain = {1 / settings.microscope.pupil_distance + sample.pupil_power,
+                      settings.microscope.tilt + sample.microscope_tilt, sample.object_plane};
   if (settings.top_view != TopView::microscope) return settings;
   settings.eye = sample.applied_to(settings.eye);
   optics::Microscope& microscope = settings.microscope;

@@ -51,7 +51,7 @@ struct OpticsSample {
 OpticsSample sample_optics(const OpticsSigmas& sigmas, std::uint64_t seed);
 
 /// The settings' eye, microscope, scale and retina with the sample in them; a view without an eye
-/// has only scale and center of it.
+/// has the microscope's alone: scale, center, pupil, tilt and plane.
 LaboratorySettings with_optics(LaboratorySettings settings, const OpticsSample& sample);
 
 }  // namespace vitreo::sim

@@ -184,15 +184,27 @@ optics::Microscope bare_sensor(const optics::System& eye, double focus, double n
 }
 
 // Parallel lines, along z, at the pixels' own scale; image rows go down, y up.
-View plain_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size) {
+// The chief ray of a point m of the plane in focus goes to the pupil: along (-power m, 1).
+View plain_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size,
+                const PlainMicroscope& microscope) {
   require(pixel > 0, "pixel must be above zero");
+  const Eigen::Matrix3d turn = (Eigen::AngleAxisd(microscope.tilt.y(), Eigen::Vector3d::UnitY()) *
+                                Eigen::AngleAxisd(microscope.tilt.x(), Eigen::Vector3d::UnitX()))
+                                   .toRotationMatrix();
   View view;
   view.width = size.width;
   view.height = size.height;
   for (int v = 0; v < size.height; ++v)
-    for (int u = 0; u < size.width; ++u)
-      view.lines.push_back(
-          to_float({(u - center_px.x()) * pixel, (center_px.y() - v) * pixel, 0, 0}));
+    for (int u = 0; u < size.width; ++u) {
+      const Eigen::Vector2d m((u - center_px.x()) * pixel, (center_px.y() - v) * pixel);
+      const Eigen::Vector3d point = turn * Eigen::Vector3d(m.x(), m.y(), 0);
+      const Eigen::Vector3d along = turn * Eigen::Vector3d(-microscope.pupil_power * m.x(),
+                                                           -microscope.pupil_power * m.y(), 1);
+      const Eigen::Vector2d slope = along.head<2>() / along.z();
+      const double height = microscope.plane + point.z();
+      view.lines.push_back(to_float(
+          {point.x() - height * slope.x(), point.y() - height * slope.y(), slope.x(), slope.y()}));
+    }
   return view;
 }
 

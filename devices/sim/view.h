@@ -57,8 +57,18 @@ View eye_view(const optics::System& eye, const optics::Microscope& microscope,
 /// last vertex to the sensor.
 optics::Microscope bare_sensor(const optics::System& eye, double focus, double numerical_aperture);
 
-/// Looks down along -z without an eye, orthographic: u along world x, v against world y.
-View plain_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size);
+/// Microscope without an eye below it: how it stands over the workspace. All 0: telecentric,
+/// upright and focused on the plane z = 0.
+struct PlainMicroscope {
+  double pupil_power = 0;      // 1/m, 1 / the pupil's distance from the plane in focus
+  Eigen::Vector2d tilt{0, 0};  // rad, about x then y, about the axis' point of that plane
+  double plane = 0;            // m, height of the plane in focus
+};
+
+/// Looks down along -z without an eye: u along world x, v against world y, `pixel` m in the plane
+/// in focus.
+View plain_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size,
+                const PlainMicroscope& microscope = {});
 
 /// Looks from the side along +y, orthographic: u along world x, v against world z; `pixel` in m.
 /// `turn`: rad, of a camera that stands turned about its line of sight.

@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -30,6 +31,7 @@ struct Key {
   bool is_file;
 };
 constexpr std::array kKeys{Key{"top_camera", "effective_pixel", "top_camera", false},
+                           Key{"top_camera.microscope", "pupil_distance", "top_camera", false},
                            Key{"side_camera", "effective_pixel", "side_camera", false},
                            Key{"model", "coil_delay", "coils", false},
                            Key{"model", "coil_bandwidth", "coils", false},
@@ -53,11 +55,23 @@ std::string known_keys() {
   return text;
 }
 
-/// The table of that name, made where it is missing.
+/// The table of that name, made where it is missing; "a.b" is the table b of the table a.
 ConfigTable& table_of(ConfigTable& parent, const std::string& name) {
-  ConfigValue& value = parent[name];
+  const std::size_t dot = name.find('.');
+  ConfigValue& value = parent[name.substr(0, dot)];
   if (!std::holds_alternative<ConfigTable>(value.value)) value.value = ConfigTable{};
-  return std::get<ConfigTable>(value.value);
+  ConfigTable& table = std::get<ConfigTable>(value.value);
+  return dot == std::string::npos ? table : table_of(table, name.substr(dot + 1));
+}
+
+/// What a rig's resolved file has for a key; nothing where it is left out, as a telecentric
+/// microscope's pupil is.
+std::optional<double> number_of(const json& resolved, const Key& key) {
+  std::string path = "/" + full_name(key);
+  std::replace(path.begin(), path.end(), '.', '/');
+  const json::json_pointer at(path);
+  if (!resolved.contains(at) || !resolved[at].is_number()) return std::nullopt;
+  return resolved[at].get<double>();
 }
 
 /// Role: identity of the instrument that a calibration was made with.
@@ -167,7 +181,7 @@ void take_entry(RigDescription& rig, const json& before, const fs::path& file,
   } else {
     value.value = entry["value"].get<double>();
     // The rig file's own value, for the record.
-    dated["instead_of"].value = before.at(key.table).at(key.name).get<double>();
+    if (const auto own = number_of(before, key)) dated["instead_of"].value = *own;
   }
   table_of(rig.table, "calibrations")[name].value = std::move(dated);
 }
@@ -256,8 +270,7 @@ void take_recorded_calibration(RigDescription& rig, const json& resolved) {
   if (!resolved.is_object() || !resolved.contains("calibrations")) return;
   for (const Key& key : kKeys) {
     if (!resolved["calibrations"].contains(full_name(key)) || key.is_file) continue;
-    table_of(rig.table, key.table)[key.name].value =
-        resolved.at(key.table).at(key.name).get<double>();
+    table_of(rig.table, key.table)[key.name].value = number_of(resolved, key).value();
   }
 }
 

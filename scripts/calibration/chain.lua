@@ -9,6 +9,9 @@ local chain = {}
 --- px, of each semi-axis: how far the outline of crossed plates is from an ellipsoid's, beside what is common to all.
 chain.contour_sigma = 0.15
 
+--- m, of the plane in focus of a microscope that was focused by eye.
+chain.focus_sigma = 0.5 * mm
+
 --- The rig's chain as it is believed, with `uncertainty` as optical_system:viewing_chain takes it.
 function chain.believed(rig, uncertainty)
   local model = rig:model()
@@ -80,6 +83,32 @@ function chain.size(rig, length, width, sigma)
   }
 end
 
+--- What a target without an eye said of the microscope (calibrations.microscope), as numbers of a session. The plane in focus
+--- lies where the focus stage has it, to `chain.focus_sigma`: of it the pixel is uncertain, as the image grows with height.
+function chain.microscope_numbers(rig, fit)
+  local model = rig:model()
+  local distance, tilt = model.microscope.pupil_distance, model.microscope.tilt
+  local of_plane = math.abs(fit.pupil_power) * chain.focus_sigma
+  local aside_sigma = math.max(fit.center_sigma_px[1], fit.center_sigma_px[2]) * fit.pixel
+  return {
+    { parameter = "pupil_power", off = fit.pupil_power - (distance and 1 / distance or 0), sigma = fit.pupil_power_sigma },
+    { parameter = "pixel", off = fit.pixel / model.pixel - 1, sigma = vector(fit.pixel_sigma / fit.pixel, of_plane, 0):norm() },
+    { parameter = "microscope_tilt_x", off = fit.tilt[1] - tilt[1], sigma = fit.tilt_sigma[1] },
+    { parameter = "microscope_tilt_y", off = fit.tilt[2] - tilt[2], sigma = fit.tilt_sigma[2] },
+    { parameter = "center_x", off = (fit.center[1] - model.center_px[1]) * fit.pixel, sigma = aside_sigma },
+    { parameter = "center_y", off = (model.center_px[2] - fit.center[2]) * fit.pixel, sigma = aside_sigma },
+  }
+end
+
+--- Cells of a table of such numbers.
+function chain.rows(numbers)
+  local rows = {}
+  for i, one in ipairs(numbers) do
+    rows[i] = { one.parameter, ("%.4g"):format(one.off), ("%.2g"):format(one.sigma) }
+  end
+  return rows
+end
+
 --- A table of what was learned of each parameter, the results of the session, and what would be measured best next.
 function chain.report(run, made)
   local rows = {}
@@ -134,6 +163,25 @@ function chain.locate(calibrated, look)
     axis = look.axis,
     contour_sigma = chain.contour_sigma,
   }
+end
+
+--- Refines a chain by frames of the run, `looks` that were taken at `times`. Records a row of the table "self_calibration": how
+--- many frames are in it, what calibration leaves of height and depth, and whether the bench has changed. Returns what
+--- viewing_chain:refine says.
+function chain.refine(run, calibrated, looks, times)
+  local made = calibrated:refine { looks = looks, times = times }
+  run:record("self_calibration", {
+    frames = made.frames,
+    taken = made.taken,
+    no_new = made.no_new,
+    misfit = made.misfit,
+    dropped = made.dropped,
+    explanations = made.explanations,
+    height = made.height,
+    depth = made.depth,
+    change_evidence = made.change_evidence,
+  }, { height = "m", depth = "m" })
+  return made
 end
 
 --- Judges a chain by new looks: {look =, place =} each, with the robot's place in the eye's frame by truth or side camera.

@@ -7,6 +7,9 @@ local limits = {}
 
 limits.pixel = 0.02 -- by which a pixel may differ from what is believed, relative
 limits.rotation = 1 * deg
+limits.pupil_power = 6 -- 1/m: a pupil at 170 mm, nearer than any microscope's with room for an eye
+limits.telecentric = 100 -- m, of a pupil: as good as none
+limits.tilt = 3 * deg -- of a microscope
 limits.residual_px = 0.5 -- rms, that a camera's fit may leave
 limits.distortion = 0.01 -- at the grid's corner, relative
 limits.delay = 30 * ms -- by which the coils' delay may differ from what is believed: three sigmas of the simulated plant's
@@ -57,6 +60,64 @@ function limits.camera(book, role, fit, pixel, own)
     value = fit.distortion,
     least = -limits.distortion,
     most = limits.distortion,
+  }
+end
+
+--- A microscope's fit (calibrations.microscope) against what the rig believes, `model`.
+function limits.microscope(book, fit, model)
+  local part, distance = "microscope", model.microscope.pupil_distance
+  book:check {
+    name = "top_camera: pixel",
+    part = part,
+    key = "top_camera.effective_pixel",
+    believed = model.pixel,
+    value = fit.pixel,
+    sigma = fit.pixel_sigma,
+    unit = "m",
+    least = (1 - limits.pixel) * model.pixel,
+    most = (1 + limits.pixel) * model.pixel,
+  }
+  book:check {
+    name = "microscope: 1 / pupil distance",
+    part = part,
+    believed = distance and 1 / distance or 0,
+    value = fit.pupil_power,
+    sigma = fit.pupil_power_sigma,
+    unit = "1/m",
+    least = -3 * fit.pupil_power_sigma,
+    most = limits.pupil_power,
+  }
+  -- A telecentric one has its pupil farther away than a rig file can say.
+  local found = 1 / math.max(fit.pupil_power, 1 / limits.telecentric)
+  book:check {
+    name = "microscope: pupil distance",
+    part = part,
+    key = "top_camera.microscope.pupil_distance",
+    believed = distance,
+    value = found,
+    sigma = fit.pupil_power_sigma * found ^ 2,
+    unit = "m",
+    least = 1 / limits.pupil_power,
+    most = limits.telecentric,
+  }
+  for i, axis in ipairs { "x", "y" } do
+    book:check {
+      name = "microscope: tilt about " .. axis,
+      part = part,
+      believed = model.microscope.tilt[i],
+      value = fit.tilt[i],
+      sigma = fit.tilt_sigma[i],
+      unit = "rad",
+      least = -limits.tilt,
+      most = limits.tilt,
+    }
+  end
+  book:check {
+    name = "microscope: what the fit leaves, px rms",
+    part = part,
+    value = fit.rms_residual_px,
+    least = 0,
+    most = limits.residual_px,
   }
 end
 

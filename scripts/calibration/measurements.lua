@@ -10,6 +10,30 @@ local vision = require "vision"
 local mm, s, ms, A = units.mm, units.s, units.ms, units.A
 local calibrations = {}
 
+-- Where a camera shows the target: it is put to each of some places of the world, and `read(place, seen)` has each at which it
+-- was seen. Returns how many these are.
+local function look_at_target(rig, camera, places, threshold, read)
+  local world, found = rig:model().eye_in_world, 0
+  targets.remove(rig)
+  local tracker = vision.background_tracker { threshold = threshold or 20, min_area_px = 30 }
+  camera:grab()
+  for _ = 1, 4 do
+    tracker:learn(camera:grab().image)
+  end
+  for _, place in ipairs(places) do
+    targets.put(rig, place - world)
+    camera:grab()
+    camera:grab()
+    local seen = tracker:update(camera:grab().image)
+    if seen then
+      found = found + 1
+      read(place, seen)
+    end
+  end
+  targets.remove(rig)
+  return found
+end
+
 -- Places of the target in the world, on a grid in the plane that a camera sees.
 local function grid(side, count, half)
   local places = {}
@@ -25,24 +49,12 @@ end
 --- its width, m. Returns what optics.fit_camera says, `places`, how many it was seen at, and `distortion`, the largest part
 --- of the residual that grows with the cube of the distance from the center, relative at the grid's corner.
 function calibrations.camera(rig, role, options)
-  local camera, points, believed = rig[role], {}, rig:model()
-  local world = believed.eye_in_world
-  targets.remove(rig)
-  local tracker = vision.background_tracker { threshold = options.threshold or 20, min_area_px = 30 }
-  camera:grab()
-  for _ = 1, 4 do
-    tracker:learn(camera:grab().image)
-  end
-  for _, place in ipairs(grid(role == "side_camera", options.count, options.half)) do
-    targets.put(rig, place - world)
-    camera:grab()
-    camera:grab()
-    local seen = tracker:update(camera:grab().image)
+  local points, places = {}, grid(role == "side_camera", options.count, options.half)
+  look_at_target(rig, rig[role], places, options.threshold, function(place, seen)
     -- the aerial image is inverted: +x of the world is -x of m
     local up = role == "side_camera" and place.z or place.y
-    if seen then points[#points + 1] = { m = { -place.x, -up }, pixel = { seen.x_px, seen.y_px } } end
-  end
-  targets.remove(rig)
+    points[#points + 1] = { m = { -place.x, -up }, pixel = { seen.x_px, seen.y_px } }
+  end)
   if #points < 4 then error(role .. ": the target was seen at " .. #points .. " places; wants four or more", 0) end
   local fit = optics.fit_camera { points = points }
   local cubic, power = 0, 0
@@ -55,6 +67,29 @@ function calibrations.camera(rig, role, options)
   end
   local corner = 2 * (options.half / fit.pixel) ^ 2
   fit.distortion, fit.places = cubic / power * corner, #points
+  return fit
+end
+
+--- The microscope without an eye below it: pupil, tilt, scale and center from a target on a grid of places in several heights
+--- above and below the plane in focus. `half`: half the grid's width, `reach`: the largest height, m; `layers`: how many heights.
+--- Returns what optics.fit_microscope says, and `places`, how many it was seen at.
+function calibrations.microscope(rig, options)
+  local points, places = {}, {}
+  for _, z in ipairs(statistics.range(-options.reach, options.reach, options.layers)) do
+    for _, place in ipairs(grid(false, options.count, options.half)) do
+      places[#places + 1] = place + vector(0, 0, z)
+    end
+  end
+  local found = look_at_target(
+    rig,
+    rig.top_camera,
+    places,
+    options.threshold,
+    function(place, seen) points[#points + 1] = { position = place, pixel = { seen.x_px, seen.y_px } } end
+  )
+  if found < 8 then error("the target was seen at " .. found .. " places; wants eight or more", 0) end
+  local fit = optics.fit_microscope { points = points }
+  fit.places = found
   return fit
 end
 

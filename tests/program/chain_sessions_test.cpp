@@ -31,5 +31,20 @@ TEST(ChainSessions, ALandingAndAShortFlightLeaveTheHeightBetterKnownThanTheDepth
   EXPECT_GT(results["height_sigma_median"], 20e-6) << "no frame is better than its noise";
 }
 
+TEST(ChainSessions, FramesOfARunThatGoesOnRefineTheChain) {
+  const auto results = results_of("run calibrate_in_eye landings=1 frames=5 further=20");
+  EXPECT_GE(results["refined_by_frames"], 10);
+  EXPECT_LT(results["refined_part_of_height"], results["calibration_part_of_height"]);
+  EXPECT_EQ(results["bench_changed"], 0);
+}
+
+// Five percent of a pupil at half a meter.
+TEST(ChainSessions, ATargetShowsTheMicroscopesPupil) {
+  const auto results = results_of("run calibrate_microscope");
+  EXPECT_LT(results["pupil_power_sigma"], 0.1);
+  EXPECT_GT(results["pupil_power"], -0.1);
+  EXPECT_LT(results["pupil_power"], 4.1);
+}
+
 }  // namespace
 }  // namespace vitreo

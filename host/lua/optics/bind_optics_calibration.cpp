@@ -8,6 +8,7 @@
 #include "optics/calibration/calibration.h"
 #include "optics/calibration/camera_calibration.h"
 #include "optics/calibration/eye_estimation.h"
+#include "optics/calibration/microscope_calibration.h"
 #include "optics/calibration/retina_shape.h"
 
 #include <cmath>
@@ -66,6 +67,33 @@ int fit_camera(Call& call) {
     table.number("pixel_sigma", fit.scale_sigma, "m")
         .numbers("center_sigma_px", {fit.center_sigma_px.x(), fit.center_sigma_px.y()})
         .number("rotation_sigma", fit.rotation_sigma, "rad");
+  return 1;
+}
+
+int fit_microscope(Call& call) {
+  std::vector<optics::TargetPoint> points;
+  each_entry(
+      call, "points", {"position", "pixel"},
+      [&](const OptionTable& entry, const std::string& where) {
+        const auto position = entry.vector("position");
+        if (!position)
+          throw std::invalid_argument(where + "position: wants three numbers {x, y, z} in m");
+        points.push_back({*position, pair(entry, "pixel", where)});
+      });
+  const optics::MicroscopeFit fit = optics::fit_microscope(points);
+  ResultTable(call)
+      .number("pixel", fit.pixel, "m")
+      .number("pixel_sigma", fit.pixel_sigma, "m")
+      .number("pupil_power", fit.pupil_power, "1/m")
+      .number("pupil_power_sigma", fit.pupil_power_sigma, "1/m")
+      .numbers("tilt", {fit.tilt.x(), fit.tilt.y()}, "rad")
+      .numbers("tilt_sigma", {fit.tilt_sigma.x(), fit.tilt_sigma.y()}, "rad")
+      .numbers("center", {fit.center_px.x(), fit.center_px.y()})
+      .numbers("center_sigma_px", {fit.center_sigma_px.x(), fit.center_sigma_px.y()})
+      .number("rotation", fit.rotation, "rad")
+      .number("rotation_sigma", fit.rotation_sigma, "rad")
+      .number("rms_residual_px", fit.rms_residual_px)
+      .number("max_residual_px", fit.max_residual_px);
   return 1;
 }
 
@@ -290,6 +318,23 @@ std::vector<Binding> calibration_functions() {
        "a camera's scale, center and rotation from points, by least squares",
        fit_camera,
        "optics.fit_camera { points = pixels }"},
+      {"optics.fit_microscope",
+       {options_of({list_argument("points",
+                                  "{{position = {x, y, z}, pixel = {u, v}}, ...}: of a target, m "
+                                  "(z along the light from the plane in focus), px")})},
+       {"table",
+        {plain("pixel", "m", "of the plane in focus"), plain("pixel_sigma", "m", ""),
+         plain("pupil_power", "1/m", "1 / the pupil's distance from that plane; 0: telecentric"),
+         plain("pupil_power_sigma", "1/m", ""), plain("tilt", "rad", "about {x, y}"),
+         plain("tilt_sigma", "rad", ""), plain("center", "", "{u, v} of its axis there, px"),
+         plain("center_sigma_px", "", "{u, v}"),
+         plain("rotation", "rad", "of the image; half a turn where it is inverted"),
+         plain("rotation_sigma", "rad", ""), plain("rms_residual_px", "", ""),
+         plain("max_residual_px", "", "")}},
+       "a microscope's pupil, tilt, scale and center from a target at several heights without an "
+       "eye, by least squares",
+       fit_microscope,
+       "optics.fit_microscope { points = target_points }"},
       {"optics.fit_retina",
        {options_of({list_argument("points", "positions on the retina, m"),
                     {.name = "conic",

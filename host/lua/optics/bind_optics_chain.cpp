@@ -274,6 +274,7 @@ const Class& viewing_chain_class() {
         "the most probable chain by all measurements together, from several starts",
         calibrate_chain,
         "chain:calibrate { looks = { look } }"},
+       chain_calls::refine_row(),
        {"next",
         {options_of({{.name = "goal",
                       .type = Type::text,

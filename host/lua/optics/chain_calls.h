@@ -4,7 +4,9 @@
 
 #include "host/lua/optics/bind_optics.h"
 #include "optics/chain/chain_planner.h"
+#include "optics/chain/chain_refiner.h"
 
+#include <memory>
 #include <vector>
 
 namespace vitreo::lua::chain_calls {
@@ -13,7 +15,12 @@ struct Chain {
   optics::NominalChain nominal;
   optics::ChainSigmas sigmas;
   optics::ChainBelief belief;
+  /// Of a chain that frames of a run have refined: what the next ones are added to.
+  std::shared_ptr<const optics::ChainRefiner> refiner{};
 };
+
+/// viewing_chain:refine and its row, in bind_optics_refine.cpp.
+Binding refine_row();
 
 /// The option `uncertainty`: what is not given keeps the default of a bench set up by hand.
 Argument uncertainty_argument();

@@ -7,6 +7,7 @@
 #include "host/lua/rig/bind_rig.h"
 #include "optics/system/prescriptions.h"
 
+#include <cmath>
 #include <memory>
 
 namespace vitreo::lua {
@@ -46,8 +47,13 @@ int rig_model(Call& call) {
       .numbers("side_center_px", {model.side_center_px.x(), model.side_center_px.y()})
       .table("microscope",
              [&](ResultTable& microscope) {
-               microscope.number("numerical_aperture", model.microscope.numerical_aperture)
-                   .number("focus", model.microscope.focus, "m");
+               const optics::Microscope& its = model.microscope;
+               microscope.number("numerical_aperture", its.numerical_aperture)
+                   .number("focus", its.focus, "m")
+                   .numbers("decenter", {its.decenter.x(), its.decenter.y()}, "m")
+                   .numbers("tilt", {its.tilt.x(), its.tilt.y()}, "rad");
+               if (std::isfinite(its.pupil_distance))
+                 microscope.number("pupil_distance", its.pupil_distance, "m");
              })
       .table("robot",
              [&](ResultTable& robot) {
@@ -83,7 +89,14 @@ Returned model_fields() {
            {"microscope",
             "",
             "",
-            {{"numerical_aperture", "", ""}, {"focus", "m", "from the last vertex"}}},
+            {{"numerical_aperture", "", ""},
+             {"focus", "m", "from the last vertex"},
+             {"decenter", "m", "{x, y} of its axis"},
+             {"tilt", "rad", "about {x, y}"},
+             {.name = "pupil_distance",
+              .unit = "m",
+              .help = "from the plane in focus to its pupil; nil: telecentric",
+              .optional = true}}},
            {"robot",
             "",
             "a body, as the localizer takes it",

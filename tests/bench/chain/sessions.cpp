@@ -37,6 +37,27 @@ void before_the_eye(const TrueBench& truth, std::mt19937_64& random, ChainSessio
   measure(truth, "microscope_tilt_y", 1.7e-3, random, session);
 }
 
+/// The middle of the retina and four places 3 mm from it.
+void add_landings(const TrueBench& truth, std::mt19937_64& random, ChainSession& session) {
+  constexpr double kRoughness = 30e-6;  // m
+  for (const Eigen::Vector2d& at :
+       {Eigen::Vector2d(0, 0), Eigen::Vector2d(3e-3, 0), Eigen::Vector2d(-3e-3, 0),
+        Eigen::Vector2d(0, 3e-3), Eigen::Vector2d(0, -3e-3)}) {
+    ChainLook look;
+    look.axis = {1, 0, 0};
+    const double lying = truth.robot().semi_radius;
+    const auto seen = truth.seen(
+        {at.x(), at.y(), truth.retina(at.x(), at.y()) + lying + gauss(random, kRoughness)},
+        tilted(look.axis, kAxisSigma, random), 0.05, kAxisSigma, random);
+    if (!seen) continue;
+    look.seen = *seen;
+    look.seen.contour_sigma_px = kOutlinesAgree;
+    look.contact_sigma = kRoughness;
+    look.lying_height = 0.5e-3;
+    session.looks.push_back(look);
+  }
+}
+
 }  // namespace
 
 Eigen::Vector3d random_place(std::mt19937_64& random) {
@@ -62,6 +83,25 @@ Eigen::Vector3d tilted(const Eigen::Vector3d& axis, double sigma, std::mt19937_6
   return (axis + a * e1 + b * e2).normalized();
 }
 
+ChainLook flight_look(const TrueBench& truth, std::mt19937_64& random) {
+  for (;;) {
+    ChainLook look;
+    look.axis = random_axis(random, 0.35);
+    const Eigen::Vector3d place = random_place(random);
+    const auto seen =
+        truth.seen(place, tilted(look.axis, kAxisSigma, random), kNoise_px, kAxisSigma, random);
+    if (!seen) continue;
+    look.seen = *seen;
+    return look;
+  }
+}
+
+ChainSession landing_session(const TrueBench& truth, std::mt19937_64& random) {
+  ChainSession session;
+  add_landings(truth, random, session);
+  return session;
+}
+
 ChainSession bench_session(const TrueBench& truth, int places, std::mt19937_64& random) {
   constexpr double kSide = 10e-6;  // m
   ChainSession session;
@@ -83,7 +123,6 @@ ChainSession bench_session(const TrueBench& truth, int places, std::mt19937_64& 
 }
 
 ChainSession in_eye_session(const TrueBench& truth, int frames, std::mt19937_64& random) {
-  constexpr double kRoughness = 30e-6;  // m
   ChainSession session;
   before_the_eye(truth, random, session);
   measure(truth, "lens_axial", 0.1e-3, random, session);
@@ -95,34 +134,8 @@ ChainSession in_eye_session(const TrueBench& truth, int frames, std::mt19937_64&
   measure(truth, "cornea.anterior.radius", 0.005, random, session);
   for (const char* name : {"cornea.thickness", "aqueous.thickness", "lens.thickness"})
     measure(truth, name, 0.02, random, session);
-  for (const Eigen::Vector2d& at :
-       {Eigen::Vector2d(0, 0), Eigen::Vector2d(3e-3, 0), Eigen::Vector2d(-3e-3, 0),
-        Eigen::Vector2d(0, 3e-3), Eigen::Vector2d(0, -3e-3)}) {
-    ChainLook look;
-    look.axis = {1, 0, 0};
-    const double lying = truth.robot().semi_radius;
-    const auto seen = truth.seen(
-        {at.x(), at.y(), truth.retina(at.x(), at.y()) + lying + gauss(random, kRoughness)},
-        tilted(look.axis, kAxisSigma, random), 0.05, kAxisSigma, random);
-    if (!seen) continue;
-    look.seen = *seen;
-    look.seen.contour_sigma_px = kOutlinesAgree;
-    look.contact_sigma = kRoughness;
-    look.lying_height = 0.5e-3;
-    session.looks.push_back(look);
-  }
-  const std::size_t landings = session.looks.size();
-  for (int attempts = 0;
-       session.looks.size() < landings + static_cast<std::size_t>(frames) && attempts < 5 * frames;
-       ++attempts) {
-    ChainLook look;
-    look.axis = random_axis(random, 0.35);
-    const auto seen = truth.seen(random_place(random), tilted(look.axis, kAxisSigma, random),
-                                 kNoise_px, kAxisSigma, random);
-    if (!seen) continue;
-    look.seen = *seen;
-    session.looks.push_back(look);
-  }
+  add_landings(truth, random, session);
+  for (int i = 0; i < frames; ++i) session.looks.push_back(flight_look(truth, random));
   for (int i = 0; i < 8; ++i) {
     const double angle = 2 * M_PI * i / 8;
     const double radius = i % 2 == 0 ? 4e-3 : 2.5e-3;

@@ -22,6 +22,10 @@ Eigen::Vector3d tilted(const Eigen::Vector3d& axis, double sigma, std::mt19937_6
 /// Robot size to 0.2 %, the microscope on a target without an eye, and `places` seen by both
 /// cameras through two windows to 10 um.
 ChainSession bench_session(const TrueBench& truth, int places, std::mt19937_64& random);
+/// Five landings, nothing else.
+ChainSession landing_session(const TrueBench& truth, std::mt19937_64& random);
+/// A frame of free flight somewhere in the workspace, pitched by 20 degrees.
+ChainLook flight_look(const TrueBench& truth, std::mt19937_64& random);
 /// Robot size, microscope, the lens' place by its reflexes; five landings, `frames` of free flight
 /// with a pitch of 20 degrees, eight landmarks, keratometry and A-scan, axial length.
 ChainSession in_eye_session(const TrueBench& truth, int frames, std::mt19937_64& random);

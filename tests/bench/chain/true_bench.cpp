@@ -89,6 +89,13 @@ bool TrueBench::draw(std::mt19937_64& random) {
   return ellipse({0, 0, 5e-3}, {1, 0, 0}).has_value();
 }
 
+TrueBench TrueBench::moved(const std::map<std::string, double>& by) const {
+  TrueBench other = *this;
+  for (const auto& [name, much] : by) other.off_[name] += much;
+  if (!other.build()) throw std::invalid_argument("moved: no eye any more");
+  return other;
+}
+
 bool TrueBench::build() {
   const Prescription& eye = nominal_.prescription;
   const auto& all = eye.system.surfaces;

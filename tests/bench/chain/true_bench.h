@@ -38,6 +38,8 @@ class TrueBench {
   Eigen::Vector3d of_retina(double x, double y) const;
   std::optional<Eigen::Vector2d> pixel(const Eigen::Vector3d& point) const;
   double off(const std::string& name) const;  // in the parameter's unit
+  /// The same bench with some parameters moved by as much, in their units.
+  TrueBench moved(const std::map<std::string, double>& by) const;
   Spheroid robot() const;
 
  private:

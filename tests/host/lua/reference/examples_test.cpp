@@ -39,7 +39,7 @@ local map, law = eye:wide_angle_map {}, eye:axis_law()
 local view = optics.system({ name = "model_eye_5_3" }):localizer { center = { 691.5, 517.5 } }
 local robot = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }
 local seen = view:ellipse { body = robot, position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } }
-local points, pixels, on_retina, foci = {}, {}, {}, {}
+local points, pixels, on_retina, foci, target_points = {}, {}, {}, {}, {}
 for i, b in ipairs { { mm, 0, 0 }, { -mm, 0.5 * mm, 0 }, { 0, -mm, 0.2 * mm }, { 0, 0.3 * mm, mm }, { -0.4 * mm, -0.6 * mm, -0.8 * mm } } do
   local at = view:pixel(vector(b) + vector(0, 0, 3 * mm))
   points[i] = { body = b, u = at.u, v = at.v }
@@ -49,6 +49,10 @@ end
 for i = 1, 20 do
   local r, a = i * 0.2 * mm, i * 2.4
   on_retina[i] = { r * math.cos(a), r * math.sin(a), r * r / (24 * mm) }
+end
+for i = 1, 8 do
+  local x, y, z = (i % 3) * mm, (i % 2) * mm, (i // 3) * mm
+  target_points[i] = { position = { x, y, z }, pixel = { 100 + x / (14 * um) * (1 + 2 * z), 200 - y / (14 * um) * (1 + 2 * z) } }
 end
 for i = 0, 4 do foci[i + 1] = { depth = i * mm, distance = eye:axial_image(i * mm).distance } end
 )";
