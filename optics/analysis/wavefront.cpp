@@ -180,6 +180,53 @@ Eigen::MatrixXd diffraction_psf(const Wavefront& wave, double half_width, int ce
   return psf;
 }
 
+/// The first color with an image of its own chooses the plane, where none is asked for: its rays'
+/// best focus.
+std::vector<ColoredWave> colored_waves(const System& system, const Eigen::Vector3d& point,
+                                       const std::vector<std::pair<double, double>>& spectrum,
+                                       const WavefrontSettings& settings) {
+  std::vector<ColoredWave> colors;
+  WavefrontSettings same = settings;
+  for (const auto& [wavelength, energy] : spectrum) {
+    detail::require_positive(energy, "energy");
+    const System lit = at_wavelength(system, wavelength);
+    const PupilTracer tracer(lit, Pupil::of_stop(lit, Pupil::Kind::real_stop));
+    auto wave = wavefront(tracer, point, same);
+    if (!wave)
+      throw std::invalid_argument("wavelength: no light of " +
+                                  std::to_string(std::lround(wavelength * 1e9)) +
+                                  " nm comes through");
+    same.image = wave->image;
+    colors.push_back({std::move(*wave), energy});
+  }
+  return colors;
+}
+
+/// A pattern whose middle is 1 holds the energy (lambda / NA)^2 / pi, so that equal energies have
+/// middles as (NA / lambda)^2.
+Eigen::MatrixXd polychromatic_psf(const std::vector<ColoredWave>& colors, double half_width,
+                                  int cells) {
+  detail::require(!colors.empty(), "colors: wants at least one");
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(cells, cells);
+  double middle = 0;
+  for (const ColoredWave& color : colors) {
+    detail::require_positive(color.energy, "energy");
+    detail::require(color.wave.image == colors.front().wave.image,
+                    "colors: their images lie in different planes");
+    const double per = color.wave.numerical_aperture / color.wave.wavelength;
+    const double bright = color.energy * per * per;
+    Wavefront aside = color.wave;
+    // The pattern about the first color's chief ray: a shift is a tilt of the wave.
+    const Eigen::Vector2d shift = colors.front().wave.chief - color.wave.chief;
+    for (std::size_t i = 0; i < aside.opd.size(); ++i)
+      aside.opd[i] += aside.index * aside.direction[i].dot(shift);
+    aside.reach -= shift.norm();
+    sum += bright * diffraction_psf(aside, half_width, cells);
+    middle += bright;
+  }
+  return sum / middle;
+}
+
 /// Over the sum of the intensities: what lies outside the square counts as no light, which lifts
 /// the transfer by as much as is lost there.
 double psf_mtf(const Eigen::MatrixXd& psf, double half_width, const Eigen::Vector2d& frequency) {

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 
 #include <optional>
+#include <utility>
 #include <vector>
 
 namespace vitreo::optics {
@@ -54,6 +55,24 @@ std::optional<Wavefront> wavefront(const PupilTracer& tracer, const Eigen::Vecto
 /// of a perfect one. Throws std::invalid_argument for bad arguments, for a square whose corners are
 /// beyond the wave's reach (there the sum repeats itself), and for an image that is far away.
 Eigen::MatrixXd diffraction_psf(const Wavefront& wave, double half_width, int cells);
+
+/// One color of a spectrum: its wave, and the energy of its light that fills the pupil (any unit).
+struct ColoredWave {
+  Wavefront wave;
+  double energy = 1;
+};
+/// A point's waves in several colors, in one image plane: where a color has its own focus or its
+/// own place, that is in the waves (at_wavelength, then wavefront() at the same `image`). Throws
+/// std::invalid_argument for an energy that is not positive, and for a color without a wave.
+std::vector<ColoredWave> colored_waves(const System& system, const Eigen::Vector3d& point,
+                                       const std::vector<std::pair<double, double>>& spectrum,
+                                       const WavefrontSettings& settings);
+/// Point spread of light of several colors: intensities add up, each color's pattern of the size
+/// that its wavelength gives it and about its own chief ray, as seen from that of the first. Each
+/// cell has energy per area, in units of the middle of the same light without aberrations. Throws
+/// std::invalid_argument as diffraction_psf does, and for images in different planes.
+Eigen::MatrixXd polychromatic_psf(const std::vector<ColoredWave>& colors, double half_width,
+                                  int cells);
 
 /// Modulation transfer (0 to 1) of a point spread at a frequency (cycles per m): the modulus of its
 /// Fourier transform.

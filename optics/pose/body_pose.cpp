@@ -16,6 +16,7 @@ void ObjectPoseSettings::check() const {
   image.check();
   object.check();
   detail::require(orientation_sigma > 0, "orientation_sigma: must be positive");
+  detail::require(!roll_sigma || *roll_sigma > 0, "roll_sigma: must be positive");
   detail::require(scale_sigma >= 0, "scale_sigma: must not be negative");
   if (contour_points < 12 || contour_points > 256) {
     throw std::invalid_argument("contour_points: must lie between 12 and 256");

@@ -22,6 +22,8 @@ struct ObjectPoseSettings {
   bool rotate = false;  // six degrees of freedom; else the orientation is the start's
   // rad about each body axis; of the start's, known beforehand. Not infinite: `rotate` is implied
   double orientation_sigma = std::numeric_limits<double>::infinity();
+  // rad, in place of it about the body's z; infinite: not known
+  std::optional<double> roll_sigma{};
   // of the body's size, relative; infinite: not known; counts as a factor e, to stay in the eye
   double scale_sigma = 0;
   // on the outline, 12 to 256; as many as the tracker's: corners make the ellipse depend on it

@@ -10,6 +10,7 @@
 
 #include <optional>
 #include <span>
+#include <vector>
 
 namespace vitreo::optics {
 
@@ -31,6 +32,24 @@ std::optional<EllipseVector> distant_ellipse(const ObjectModel& object,
 /// the line of sight. Throws std::invalid_argument naming a bad argument.
 ObjectPose locate_object(const ObjectPoseSettings& settings, const EllipseVector& observed,
                          const EllipseCovariance& covariance, const PoseStart& start);
+
+/// A point of the outline in the image, as a tracker finds it along a normal of the rim.
+struct OutlinePoint {
+  Eigen::Vector2d pixel_px;
+  double sigma_px = 0.2;  // across the outline
+};
+
+/// The same from the outline itself, which shows more than its ellipse: corners, plates, a needle.
+/// Points count by their distance from the body's outline, those beyond 3 sigma less
+/// (pseudo-Huber). The body must be of convex parts (ObjectModel::parts), an ellipsoid or a
+/// cylinder. At least eight points within the projection are needed; those outside are left out.
+/// Throws std::invalid_argument naming a bad argument.
+ObjectPose locate_outline(const ObjectPoseSettings& settings, std::span<const OutlinePoint> outline,
+                          const PoseStart& start);
+
+/// `count` points of the body's outline, in order round it; px. Nothing outside the projection.
+std::optional<std::vector<Eigen::Vector2d>> project_outline(const ObjectPoseSettings& settings,
+                                                            const BodyPose& pose, int count);
 
 /// A point that is known on the body, and the pixel that shows it.
 struct SeenPoint {

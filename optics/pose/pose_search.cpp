@@ -30,6 +30,11 @@ Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& rotation) {
   return turn.angle() * turn.axis();
 }
 
+/// The point of a line at a height.
+Eigen::Vector3d on_line(const Ray& line, double z) {
+  return line.origin + (z - line.origin.z()) / line.direction.z() * line.direction;
+}
+
 /// The smallest rotation vector, in the frame of `from`, that brings a body of this symmetry into
 /// the same attitude as `to`. about_z: only the axes count, and their sense does not.
 /// half_turns: of the four attitudes that a half-turn about an axis of the body makes equal, the
@@ -77,6 +82,11 @@ std::vector<Eigen::Matrix3d> orientations(Symmetry symmetry) {
   return made;
 }
 
+/// An end of the solver, and what it leaves of the measurement: rms of the plain differences, px.
+struct Explanation : Minimum {
+  double residual_px = 0;
+};
+
 /// One search. Settings, measurement and start are borrowed for the call; minima_ has the distinct
 /// minima in the order in which they were found, unfinished_ the best end that did not converge,
 /// which is reported only when there is no other.
@@ -93,17 +103,25 @@ class Search {
   ObjectPose run();
 
  private:
-  std::optional<Eigen::VectorXd> residuals(const BodyState& state) const;
+  std::optional<Eigen::VectorXd> residuals(const BodyState& state,
+                                           Eigen::MatrixXd* per_state) const;
+  Eigen::Vector3d prior_weights() const;
+  Eigen::Vector3d prior_terms(const Eigen::Matrix3d& orientation) const;
+  void whiten(Eigen::VectorXd& terms, Eigen::MatrixXd* per_state) const;
+  double depth_of_size(const Ray& sight, const Eigen::Matrix3d& orientation) const;
   std::vector<Eigen::Vector3d> start_positions(const Eigen::Matrix3d& orientation) const;
   std::vector<BodyState> starts() const;
   std::optional<BodyState> mirrored(const BodyState& state) const;
   std::vector<BodyState> tilted(const BodyState& state) const;
+  std::vector<BodyState> rolled(const BodyState& state) const;
   std::vector<BodyState> scanned(const BodyState& state) const;
+  bool hopeful(double cost) const;
+  std::optional<Explanation> explained(const BodyState& start);
   void follow(const BodyState& start);
   Eigen::VectorXd step_between(const BodyState& a, const BodyState& b, Symmetry symmetry) const;
   double widened(const Minimum& minimum, const Eigen::VectorXd& direction, double sigma) const;
   bool same(const Minimum& a, const Minimum& b) const;
-  PoseCandidate candidate(const Minimum& minimum) const;
+  PoseCandidate candidate(const Explanation& minimum) const;
 
   const ObjectPoseSettings& settings_;
   const Measurement& measured_;
@@ -111,56 +129,131 @@ class Search {
   ProjectionModel camera_;
   FreeParameters free_;
   bool rotates_;
-  std::vector<Minimum> minima_;
-  std::optional<Minimum> unfinished_;
+  std::vector<Explanation> minima_;
+  std::optional<Explanation> unfinished_;
+  double widening_ = 1;  // of the measurement's tail
 };
+
+/// Differences as independent terms of unit variance, and with them their derivatives. Beyond the
+/// tail k a term r becomes k sqrt(2 (sqrt(1 + (r/k)^2) - 1)), whose square grows linearly.
+void Search::whiten(Eigen::VectorXd& terms, Eigen::MatrixXd* per_state) const {
+  const bool derived = per_state && per_state->rows() > 0;
+  if (measured_.weights.size() > 0) {
+    terms = terms.cwiseProduct(measured_.weights).eval();
+    if (derived) *per_state = measured_.weights.asDiagonal() * *per_state;
+  } else {
+    terms = (measured_.root * terms).eval();
+    if (derived) *per_state = (measured_.root * *per_state).eval();
+  }
+  if (!std::isfinite(measured_.tail)) return;
+  const double k = measured_.tail * widening_;
+  for (Eigen::Index i = 0; i < terms.size(); ++i) {
+    const double r = terms[i];
+    const double bent = std::sqrt(1 + r * r / (k * k));
+    // Equal to the above, without its cancellation at zero.
+    const double factor = std::sqrt(2 / (1 + bent));
+    terms[i] = r * factor;
+    if (derived) per_state->row(i) *= 1 / (bent * factor);
+  }
+}
+
+/// The inverse of the right Jacobian of the rotation group: how the rotation vector phi of R
+/// changes when R is multiplied by a small rotation from the right (Sola et al. 2018, eq. 144).
+Eigen::Matrix3d inverse_right_jacobian(const Eigen::Vector3d& phi) {
+  const double angle = phi.norm();
+  Eigen::Matrix3d cross;
+  cross << 0, -phi.z(), phi.y(), phi.z(), 0, -phi.x(), -phi.y(), phi.x(), 0;
+  constexpr double kSmall = 1e-4;  // rad: below, the factor is its limit 1/12
+  const double factor =
+      angle < kSmall
+          ? 1.0 / 12
+          : (1 - angle / 2 * std::cos(angle / 2) / std::sin(angle / 2)) / (angle * angle);
+  return Eigen::Matrix3d::Identity() + cross / 2 + factor * cross * cross;
+}
+
+/// 1/rad, about each of the body's axes.
+Eigen::Vector3d Search::prior_weights() const {
+  const double sigma = settings_.orientation_sigma;
+  return {1 / sigma, 1 / sigma, 1 / settings_.roll_sigma.value_or(sigma)};
+}
+
+/// What is known of the orientation beforehand, as terms of unit variance; zero where nothing is.
+Eigen::Vector3d Search::prior_terms(const Eigen::Matrix3d& orientation) const {
+  if (!std::isfinite(settings_.orientation_sigma)) return Eigen::Vector3d::Zero();
+  return prior_weights().cwiseProduct(
+      rotation_vector(start_.orientation->transpose() * orientation));
+}
 
 /// Whitened residuals of the measurement, then of the prior knowledge: the orientation as a
 /// rotation vector and the logarithm of the size, each over its sigma.
 /// Nothing where the body has no image.
-std::optional<Eigen::VectorXd> Search::residuals(const BodyState& state) const {
-  const auto seen = measured_.difference_px(state);
+std::optional<Eigen::VectorXd> Search::residuals(const BodyState& state,
+                                                 Eigen::MatrixXd* per_state) const {
+  Eigen::MatrixXd derivatives;
+  auto seen = measured_.difference_px(state, per_state ? &derivatives : nullptr);
   if (!seen) return std::nullopt;
+  whiten(*seen, &derivatives);
   const bool oriented = std::isfinite(settings_.orientation_sigma);
   const bool sized = settings_.scale_sigma > 0;
-  Eigen::VectorXd all(measured_.root.rows() + (oriented ? 3 : 0) + (sized ? 1 : 0));
-  all.head(measured_.root.rows()) = measured_.root * *seen;
+  const bool derived = per_state && derivatives.rows() > 0;
+  const Eigen::Index own = seen->size();
+  Eigen::VectorXd all(own + (oriented ? 3 : 0) + (sized ? 1 : 0));
+  all.head(own) = *seen;
+  if (derived) {
+    per_state->setZero(all.size(), 7);
+    per_state->topRows(own) = derivatives;
+  }
   if (oriented) {
-    all.segment<3>(measured_.root.rows()) =
-        rotation_vector(start_.orientation->transpose() * state.orientation) /
-        settings_.orientation_sigma;
+    all.segment<3>(own) = prior_terms(state.orientation);
+    if (derived) {
+      const Eigen::Vector3d turn =
+          rotation_vector(start_.orientation->transpose() * state.orientation);
+      per_state->block<3, 3>(own, 3) = prior_weights().asDiagonal() * inverse_right_jacobian(turn);
+    }
   }
   // Not known at all (an infinite sigma) counts as a factor of e, so that size and depth cannot run
   // away together.
-  if (sized) all.tail<1>()[0] = std::log(state.scale) / std::fmin(settings_.scale_sigma, 1);
+  if (sized) {
+    const double sigma = std::fmin(settings_.scale_sigma, 1);
+    all.tail<1>()[0] = std::log(state.scale) / sigma;
+    if (derived) (*per_state)(all.size() - 1, 6) = 1 / sigma;
+  }
   return all;
 }
 
+/// z on a line of sight where the body would show the observed size. The size goes with the inverse
+/// of the distance from the viewpoint, nearly: each step solves that proportion.
+double Search::depth_of_size(const Ray& sight, const Eigen::Matrix3d& orientation) const {
+  constexpr int kSteps = 12;
+  constexpr double kNear = 5e-6;  // m; a start need be no better
+  constexpr double kTop = 0.999;  // of the highest place
+  double z = camera_.max_z() / 2;
+  for (int i = 0; i < kSteps && measured_.size > 0; ++i) {
+    const Eigen::Vector3d place = on_line(sight, z);
+    const auto shown = measured_.size_px({place, orientation, 1});
+    const auto viewpoint = camera_.viewpoint(place);
+    double next = z / 2;  // beyond the projection it is too near
+    if (shown && viewpoint) next = viewpoint->z() - (viewpoint->z() - z) * *shown / measured_.size;
+    next = std::clamp(next, 0.0, kTop * camera_.max_z());
+    if (std::abs(next - z) < kNear) return next;
+    z = next;
+  }
+  return z;
+}
+
 /// Start positions: on the line of sight of the observed center, where the body would show the
-/// observed size (bisection), and 3 mm before and behind it.
+/// observed size, and 3 mm before and behind it.
 /// A caller's own position comes alone. Without an observed size, as of one point, the middle of
 /// the range is the guess.
 std::vector<Eigen::Vector3d> Search::start_positions(const Eigen::Matrix3d& orientation) const {
-  constexpr int kHalvings = 14;  // of some 15 mm: a micrometer
   constexpr double kAside = 3e-3;
   if (start_.position_in_eye) return {*start_.position_in_eye};
   const auto sight = camera_.line_of_sight(measured_.center_px);
   if (!sight) return {};
-  const auto on_line = [&](double z) -> Eigen::Vector3d {
-    return sight->origin + (z - sight->origin.z()) / sight->direction.z() * sight->direction;
-  };
-  double low = 0;
-  double high = camera_.max_z();
-  for (int i = 0; i < kHalvings && measured_.size > 0; ++i) {
-    const double middle = (low + high) / 2;
-    const auto shown = measured_.size_px({on_line(middle), orientation, 1});
-    // beyond the projection it is too near
-    (shown && *shown < measured_.size ? low : high) = middle;
-  }
-  const double guess = (low + high) / 2;
-  std::vector<Eigen::Vector3d> made{on_line(guess)};
+  const double guess = depth_of_size(*sight, orientation);
+  std::vector<Eigen::Vector3d> made{on_line(*sight, guess)};
   for (const double z : {guess - kAside, guess + kAside}) {
-    if (z > 0 && z < camera_.max_z()) made.push_back(on_line(z));
+    if (z > 0 && z < camera_.max_z()) made.push_back(on_line(*sight, z));
   }
   return made;
 }
@@ -217,6 +310,32 @@ std::vector<BodyState> Search::tilted(const BodyState& state) const {
   return made;
 }
 
+/// The twins of a turn about the body's own axis: its mirror images in the plane of that axis and
+/// the line of sight, which shows them alike. The body is its own mirror image in the planes across
+/// its x and y, crossed plates also in those between. Only where the prior of the orientation
+/// leaves them possible: nothing else would decide for or against them. Not of two ellipsoids that
+/// cross, which are followed from frame to frame by where they were.
+std::vector<BodyState> Search::rolled(const BodyState& state) const {
+  constexpr double kFar = 25;  // of chi^2 by the prior
+  const auto viewpoint = camera_.viewpoint(state.position);
+  if (!viewpoint || measured_.symmetry != Symmetry::half_turns || settings_.object.crossed)
+    return {};
+  const Eigen::Vector3d w = (*viewpoint - state.position).normalized();
+  const Eigen::Vector3d aside = w.cross(Eigen::Vector3d(state.orientation.col(2)));
+  if (!(aside.norm() > 0.1)) return {};  // seen along its axis a turn about it is seen as such
+  const Eigen::Vector3d m = aside.normalized();
+  const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - 2 * m * m.transpose();
+  std::vector<BodyState> made;
+  for (const Eigen::Vector3d& normal : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0),
+                                        Eigen::Vector3d(1, 1, 0), Eigen::Vector3d(1, -1, 0)}) {
+    const Eigen::Matrix3d own =
+        Eigen::Matrix3d::Identity() - 2 / normal.squaredNorm() * normal * normal.transpose();
+    const BodyState other{state.position, across * state.orientation * own, state.scale};
+    if (prior_terms(other.orientation).squaredNorm() < kFar) made.push_back(other);
+  }
+  return made;
+}
+
 /// Starts for a body that is round about its z: all tilts against the line of sight, towards the
 /// direction in which it lies in `state` and across, at the depth where the size fits; those that
 /// fit better than their neighbors. A short cylinder shows one ellipse at two tilts that are nearer
@@ -243,7 +362,7 @@ std::vector<BodyState> Search::scanned(const BodyState& state) const {
       const auto there = start_positions(turn);
       if (there.empty()) continue;
       seen[i] = BodyState{there.front(), turn, 1};
-      const auto terms = residuals(*seen[i]);
+      const auto terms = residuals(*seen[i], nullptr);
       if (terms) cost[i] = terms->squaredNorm();
     }
     for (int i = 0; i < kTilts; ++i) {
@@ -279,13 +398,20 @@ double Search::widened(const Minimum& minimum, const Eigen::VectorXd& direction,
   constexpr double kHeld = 1e3;
   const Eigen::VectorXd units = parameter_units(free_);
   for (double far = sigma; far < 1; far *= kFarther) {
-    const auto held = [&](const BodyState& state) -> std::optional<Eigen::VectorXd> {
-      const auto terms = residuals(state);
+    const auto held = [&](const BodyState& state,
+                          Eigen::MatrixXd* per_state) -> std::optional<Eigen::VectorXd> {
+      const auto terms = residuals(state, per_state);
       if (!terms) return std::nullopt;
       Eigen::VectorXd all(terms->size() + 1);
-      const Eigen::VectorXd step =
-          step_between(minimum.state, state, Symmetry::none).cwiseQuotient(units);
-      all << *terms, kHeld / sigma * (direction.dot(step) - far);
+      const Eigen::VectorXd step = step_between(minimum.state, state, Symmetry::none);
+      all << *terms, kHeld / sigma * (direction.dot(step.cwiseQuotient(units)) - far);
+      if (!per_state || per_state->rows() == 0) return all;
+      per_state->conservativeResize(all.size(), Eigen::NoChange);
+      per_state->bottomRows<1>().setZero();
+      Eigen::Matrix<double, 1, 7> row = Eigen::Matrix<double, 1, 7>::Zero();
+      row(free_) = kHeld / sigma * direction.cwiseQuotient(units);
+      if (rotates_) row.segment<3>(3) *= inverse_right_jacobian(step.segment<3>(3));
+      per_state->bottomRows<1>() = row;
       return all;
     };
     const auto found =
@@ -305,18 +431,54 @@ bool Search::same(const Minimum& a, const Minimum& b) const {
   return (a.jacobian * step).norm() < kApart && (b.jacobian * step).norm() < kApart;
 }
 
+/// Whether an end is so near to the best one in chi^2 that what is left of the way to its minimum,
+/// or what its mirror image leads to, may be an answer.
+bool Search::hopeful(double cost) const {
+  constexpr double kFar = 400;
+  for (const Explanation& known : minima_)
+    if (known.cost + kFar < cost) return false;
+  return true;
+}
+
+/// The solver's end from a start. The fit of an ellipse starts from that of a neighboring pose, and
+/// may succeed on the way and fail at the same pose on its own: that end is none.
+std::optional<Explanation> Search::explained(const BodyState& start) {
+  constexpr double kWide = 10;  // from afar all of an outline lies in its tails
+  const BodyResiduals terms = [this](const BodyState& state, Eigen::MatrixXd* per_state) {
+    return residuals(state, per_state);
+  };
+  std::optional<Minimum> found;
+  if (std::isfinite(measured_.tail)) {
+    widening_ = kWide;
+    found = minimize(terms, free_, start, true);
+    widening_ = 1;
+    if (!found) return std::nullopt;
+  }
+  found = minimize(terms, free_, found ? found->state : start, true);
+  if (!found) return std::nullopt;
+  if (!found->converged && hopeful(found->cost)) {
+    if (const auto better = minimize(terms, free_, found->state)) found = better;
+  }
+  Explanation made{*found, std::numeric_limits<double>::infinity()};
+  const auto plain = measured_.difference_px(found->state, nullptr);
+  if (plain)
+    made.residual_px = std::sqrt(plain->squaredNorm() / static_cast<double>(plain->size()));
+  else
+    made.converged = false;
+  return made;
+}
+
 /// Minimizes from a start and keeps the minimum, or the better of two that are the same.
 /// A start without an image, or an end outside the projection, leaves nothing behind.
 void Search::follow(const BodyState& start) {
-  const auto found =
-      minimize([this](const BodyState& state) { return residuals(state); }, free_, start);
+  const auto found = explained(start);
   if (!found) return;
   if (!found->converged) {
     if (!unfinished_ || found->cost < unfinished_->cost) unfinished_ = *found;
     return;
   }
   if (!camera_.inside(found->state.position)) return;
-  for (Minimum& known : minima_) {
+  for (Explanation& known : minima_) {
     if (!same(known, *found)) continue;
     if (found->cost < known.cost) known = *found;
     return;
@@ -326,14 +488,13 @@ void Search::follow(const BodyState& start) {
 
 /// Covariance of the free parameters, written into the full 7 x 7 matrix.
 /// A pose that did not converge has a position but no covariance: infinite variances.
-PoseCandidate Search::candidate(const Minimum& minimum) const {
+PoseCandidate Search::candidate(const Explanation& minimum) const {
   PoseCandidate made;
   made.pose = {minimum.state.position, minimum.state.orientation};
   made.scale = minimum.state.scale;
   made.chi2 = minimum.cost;
   made.iterations = minimum.iterations;
-  const Eigen::VectorXd plain = *measured_.difference_px(minimum.state);
-  made.residual_px = std::sqrt(plain.squaredNorm() / static_cast<double>(plain.size()));
+  made.residual_px = minimum.residual_px;
   if (!minimum.converged) {
     for (const int i : free_) made.covariance(i, i) = std::numeric_limits<double>::infinity();
     return made;
@@ -366,16 +527,18 @@ ObjectPose Search::run() {
   }
   if (settings_.rotate && !start_.orientation && measured_.symmetry == Symmetry::about_z &&
       !minima_.empty()) {
-    const auto best =
-        std::min_element(minima_.begin(), minima_.end(),
-                         [](const Minimum& a, const Minimum& b) { return a.cost < b.cost; });
+    const auto best = std::min_element(
+        minima_.begin(), minima_.end(),
+        [](const Explanation& a, const Explanation& b) { return a.cost < b.cost; });
     for (const BodyState& other : scanned(best->state)) follow(other);
   }
   // By index: minima found this way are expanded in their turn. A short cylinder has four poses
   // with the same ellipse.
   for (std::size_t i = 0; rotates_ && i < std::min(minima_.size(), kMost); ++i) {
+    if (!hopeful(minima_[i].cost)) continue;
     const BodyState found = minima_[i].state;
     if (const auto other = mirrored(found)) follow(*other);
+    for (const BodyState& other : rolled(found)) follow(other);
     if (!tilts) continue;
     for (const BodyState& other : tilted(found)) follow(other);
   }
@@ -385,8 +548,8 @@ ObjectPose Search::run() {
     return {PoseStatus::not_converged, {candidate(*unfinished_)}};
   }
   std::sort(minima_.begin(), minima_.end(),
-            [](const Minimum& a, const Minimum& b) { return a.cost < b.cost; });
-  for (const Minimum& minimum : minima_) {
+            [](const Explanation& a, const Explanation& b) { return a.cost < b.cost; });
+  for (const Explanation& minimum : minima_) {
     if (minimum.cost <= minima_.front().cost + settings_.equal_chi2)
       pose.candidates.push_back(candidate(minimum));
   }

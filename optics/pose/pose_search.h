@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include <functional>
+#include <limits>
 #include <optional>
 
 namespace vitreo::optics::detail {
@@ -19,10 +20,14 @@ enum class Symmetry { none, half_turns, about_z };
 
 /// A measurement of any kind: an ellipse, or points.
 struct Measurement {
-  // shown less observed
-  std::function<std::optional<Eigen::VectorXd>(const BodyState&)> difference_px;
+  // shown less observed, and where given a place for it and it is known, rows x 7, the derivative
+  BodyResiduals difference_px;
   std::function<std::optional<double>(const BodyState&)> size_px;  // shown
-  Eigen::MatrixXd root;             // times the difference: independent terms of unit variance
+  Eigen::MatrixXd root;     // times the difference: independent terms of unit variance
+  Eigen::VectorXd weights;  // where given, in place of the root: one for each difference
+  // of terms, beyond which they count less (pseudo-Huber): a point beside the outline is no outlier
+  // of a Gaussian
+  double tail = std::numeric_limits<double>::infinity();
   Eigen::Vector2d center_px{0, 0};  // observed
   double size = 0;                  // px; observed; 0: none
   Symmetry symmetry = Symmetry::none;

@@ -22,20 +22,30 @@ double difference_step(int parameter) { return parameter < kFirstRotation ? 1e-6
 
 /// Central differences: an error of second order in the step.
 /// Nothing where one of the neighbors has no image, as at the rim of the projection.
-std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
-                                             const FreeParameters& free, const BodyState& at,
-                                             Eigen::Index rows) {
+std::optional<Eigen::MatrixXd> by_differences(const BodyResiduals& residuals,
+                                              const FreeParameters& free, const BodyState& at,
+                                              Eigen::Index rows) {
   const auto count = static_cast<Eigen::Index>(free.size());
   Eigen::MatrixXd jacobian(rows, count);
   for (Eigen::Index i = 0; i < count; ++i) {
     const double step = difference_step(free[static_cast<std::size_t>(i)]);
     const Eigen::VectorXd along = step * Eigen::VectorXd::Unit(count, i);
-    const auto more = residuals(moved(at, free, along));
-    const auto less = residuals(moved(at, free, -along));
+    const auto more = residuals(moved(at, free, along), nullptr);
+    const auto less = residuals(moved(at, free, -along), nullptr);
     if (!more || !less) return std::nullopt;
     jacobian.col(i) = (*more - *less) / (2 * step);
   }
   return jacobian;
+}
+
+/// The columns of the free parameters: the residuals' own, else by differences.
+std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
+                                             const FreeParameters& free, const BodyState& at,
+                                             Eigen::Index rows) {
+  Eigen::MatrixXd per_state;
+  if (!residuals(at, &per_state)) return std::nullopt;
+  if (per_state.rows() != rows) return by_differences(residuals, free, at, rows);
+  return Eigen::MatrixXd(per_state(Eigen::all, free));
 }
 
 }  // namespace
@@ -115,7 +125,7 @@ bool line_search(const BodyResiduals& residuals, const FreeParameters& free,
   double factor = 1;
   for (int i = 0; i <= doublings; ++i, factor *= 2) {
     const BodyState there = moved(from, free, factor * step);
-    const auto found = residuals(there);
+    const auto found = residuals(there, nullptr);
     if (!found || !(found->squaredNorm() < best.cost)) return i > 0;
     best.state = there;
     best.residuals = *found;
@@ -126,49 +136,104 @@ bool line_search(const BodyResiduals& residuals, const FreeParameters& free,
 
 }  // namespace
 
+namespace {
+
+/// Levenberg-Marquardt from one start.
+class Descent {
+ public:
+  Descent(const BodyResiduals& residuals, const FreeParameters& free)
+      : residuals_(residuals), free_(free), units_(parameter_units(free)) {}
+
+  std::optional<Minimum> from(const BodyState& start, bool roughly);
+
+ private:
+  enum class Step { better, converged, stuck, outside };
+  Step step(Minimum& best);
+  bool shortened(const DampedSteps& steps, Minimum& best);
+
+  const BodyResiduals& residuals_;
+  const FreeParameters& free_;
+  Eigen::VectorXd units_;
+  double damping_ = 1e-3;
+  bool across_ = false;  // derivatives by differences, which take the mean of both sides of a kink
+};
+
+/// Damps until a step lowers the cost; false where none does.
+bool Descent::shortened(const DampedSteps& steps, Minimum& best) {
+  constexpr int kSlow = 6;  // iterations after which Gauss-Newton should have converged
+  constexpr double kHopeless = 1e12;
+  bool better = false;
+  for (; damping_ < kHopeless && !better; damping_ *= 8) {
+    const Eigen::VectorXd step = steps.damped(damping_);
+    // units
+    constexpr double kLongest = 1.2;
+    constexpr double kNone = 1e-12;
+    const double length = step.cwiseAbs().maxCoeff();
+    if (length < kNone) break;
+    const Eigen::VectorXd by = std::fmin(1, kLongest / length) * units_.cwiseProduct(step);
+    better = line_search(residuals_, free_, by, best.iterations >= kSlow ? kDoublings : 0, best);
+  }
+  return better;
+}
+
+/// Convergence by the predicted decrease of a step that is hardly damped: a step that is short
+/// because of its damping is no sign of a minimum.
+Descent::Step Descent::step(Minimum& best) {
+  // of chi^2, a seventh of a sigma: an outline of many corners is no smoother
+  constexpr double kRough = 0.02;
+  const auto rows = best.residuals.size();
+  const auto jacobian = across_ ? by_differences(residuals_, free_, best.state, rows)
+                                : differentiate(residuals_, free_, best.state, rows);
+  if (!jacobian) return Step::outside;  // at the edge of what can be seen
+  if (!across_) best.jacobian = *jacobian;
+  const DampedSteps steps(*jacobian * units_.asDiagonal(), best.residuals);
+  const double promised = steps.gain(steps.damped(kSlight));
+  if (!(promised > 1e-10 * (1e-2 + best.cost))) return Step::converged;
+  if (shortened(steps, best)) {
+    // The loop has raised it once more by 8, so this is a division by 8.
+    damping_ = std::fmax(damping_ / 64, 1e-9);
+    return Step::better;
+  }
+  return promised < kRough ? Step::converged : Step::stuck;
+}
+
+/// Where no step along derivatives that hold is a gain, the cost has a kink: a cylinder across the
+/// line of sight is the shortest there, whichever end comes forward, and plates are the narrowest
+/// at 45 degrees. The state lies in the kink, but perhaps not at the lowest place along it; from
+/// there derivatives by differences, which see both sides, lead on. The Jacobian that is left is
+/// that of one side: what a turn out of the kink changes, not zero.
+std::optional<Minimum> Descent::from(const BodyState& start, bool roughly) {
+  constexpr int kIterations = 100;
+  constexpr int kAlongKink = 6;
+  const auto first = residuals_(start, nullptr);
+  if (!first) return std::nullopt;
+  Minimum best{start, *first, {}, first->squaredNorm()};
+  int last = kIterations;
+  for (; best.iterations < last; ++best.iterations) {
+    const Step taken = step(best);
+    if (taken == Step::outside) return best;
+    if (taken == Step::better) continue;
+    best.converged = taken == Step::converged || across_;
+    if (best.converged || roughly) break;
+    across_ = true;
+    damping_ = 1e-3;
+    last = best.iterations + kAlongKink;
+  }
+  best.converged = best.converged || across_;
+  if (across_) {
+    if (const auto one_side = differentiate(residuals_, free_, best.state, best.residuals.size()))
+      best.jacobian = *one_side;
+  }
+  return best;
+}
+
+}  // namespace
+
 /// `converged` is false both at the limit of iterations and at the edge of what can be projected;
 /// the state is then the best one seen.
 std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParameters& free,
-                                const BodyState& start) {
-  constexpr int kIterations = 100;
-  constexpr int kSlow = 6;  // iterations after which Gauss-Newton should have converged
-  constexpr double kHopeless = 1e12;
-  // of chi^2, a hundredth of a sigma: an outline of many corners is no smoother
-  constexpr double kRough = 1e-4;
-  const auto first = residuals(start);
-  if (!first) return std::nullopt;
-  const Eigen::VectorXd units = parameter_units(free);
-  Minimum best{start, *first, {}, first->squaredNorm()};
-  double damping = 1e-3;
-  for (; best.iterations < kIterations; ++best.iterations) {
-    const auto jacobian = differentiate(residuals, free, best.state, best.residuals.size());
-    if (!jacobian) return best;  // at the edge of what can be seen
-    best.jacobian = *jacobian;
-    const DampedSteps steps(*jacobian * units.asDiagonal(), best.residuals);
-    // Convergence by the predicted decrease of a step that is hardly damped: a step that is short
-    // because of its damping is no sign of a minimum.
-    const double promised = steps.gain(steps.damped(kSlight));
-    best.converged = !(promised > 1e-10 * (1e-2 + best.cost));
-    bool better = false;
-    for (; !best.converged && damping < kHopeless && !better; damping *= 8) {
-      const Eigen::VectorXd step = steps.damped(damping);
-      // units
-      constexpr double kLongest = 1.2;
-      constexpr double kNone = 1e-12;
-      const double length = step.cwiseAbs().maxCoeff();
-      if (length < kNone) break;
-      const Eigen::VectorXd by = std::fmin(1, kLongest / length) * units.cwiseProduct(step);
-      better = line_search(residuals, free, by, best.iterations >= kSlow ? kDoublings : 0, best);
-    }
-    if (better) {
-      // The loop has raised it once more by 8, so this is a division by 8.
-      damping = std::fmax(damping / 64, 1e-9);
-      continue;
-    }
-    best.converged = best.converged || promised < kRough;
-    return best;
-  }
-  return best;
+                                const BodyState& start, bool roughly) {
+  return Descent(residuals, free).from(start, roughly);
 }
 
 /// By the eigenvectors of the information J^T J in natural units: sigma along each is 1 /

@@ -24,8 +24,11 @@ using FreeParameters = std::vector<int>;
 /// by the exponential.
 BodyState moved(const BodyState& state, const FreeParameters& free, const Eigen::VectorXd& step);
 
-/// Residuals of unit variance; nothing where the state has no image.
-using BodyResiduals = std::function<std::optional<Eigen::VectorXd>(const BodyState&)>;
+/// Residuals of unit variance; nothing where the state has no image. With `per_state`, their
+/// derivatives by all seven parameters go there (rows x 7) where they are known; it stays empty
+/// where they are to be had by differences.
+using BodyResiduals = std::function<std::optional<Eigen::VectorXd>(const BodyState& state,
+                                                                   Eigen::MatrixXd* per_state)>;
 
 struct Minimum {
   BodyState state;
@@ -36,9 +39,11 @@ struct Minimum {
   bool converged = false;
 };
 
-/// Levenberg-Marquardt with central differences. Nothing when the start has no image.
+/// Levenberg-Marquardt, with central differences where derivatives are not given. Where the cost
+/// has a kink it is followed to its lowest place, unless `roughly`, and the Jacobian is that of one
+/// side. Nothing when the start has no image.
 std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParameters& free,
-                                const BodyState& start);
+                                const BodyState& start, bool roughly = false);
 
 /// Of the free parameters, by the information J^T J. A direction whose sigma is above a unit (3 mm,
 /// 0.4 rad, 20 % of size) is not observed. Parameters that such a direction moves by more than 2 %

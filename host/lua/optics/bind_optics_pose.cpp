@@ -58,6 +58,24 @@ int locate_by_points(const Call& call) {
       });
 }
 
+/// The same by the outline itself, which needs a body of convex parts.
+int locate_by_outline(const Call& call) {
+  const Localizer& localizer = localizer_of(call);
+  const OptionTable how(call, 0);
+  auto settings = settings_at(how, localizer);
+  settings.object = body_option(call);
+  const auto outline = outline_option(call);
+  const optics::PoseStart start = start_at(how, localizer);
+  return calculate(
+      call, "locate outline",
+      [settings, outline, start](const YieldPoint&) {
+        return optics::locate_outline(settings, outline, start);
+      },
+      [offset = localizer.offset](Call& done, const optics::ObjectPose& pose) {
+        return push_pose(done, pose, offset);
+      });
+}
+
 /// By what is given: points with positions on the body need no body's shape, an ellipse does.
 int locate(Call& call) {
   const auto given = [&call](const char* name) {
@@ -67,10 +85,13 @@ int locate(Call& call) {
   };
   // An empty list counts as given: the solver refuses it by name.
   const bool points = given("points");
-  if (points == given("ellipse"))
-    throw std::invalid_argument("options: wants either ellipse or points");
-  if (points && given("body")) throw std::invalid_argument("body: goes with ellipse, not points");
-  return points ? locate_by_points(call) : locate_by_ellipse(call);
+  const bool outline = given("outline");
+  if (points + outline + given("ellipse") != 1)
+    throw std::invalid_argument("options: wants either ellipse, outline or points");
+  if (points && given("body"))
+    throw std::invalid_argument("body: goes with ellipse or outline, not points");
+  if (points) return locate_by_points(call);
+  return outline ? locate_by_outline(call) : locate_by_ellipse(call);
 }
 
 /// The forward way: what a tracker would measure of a body in that pose, by the projection that
@@ -93,6 +114,25 @@ int ellipse(Call& call) {
       .number("semi_minor", (*shown)[3])
       .number("angle", (*shown)[4], "rad");
   return 1;
+}
+
+/// The forward way of an outline.
+int outline(Call& call) {
+  const Localizer& localizer = localizer_of(call);
+  optics::ObjectPoseSettings settings = localizer.settings;
+  settings.object = body_option(call);
+  const OptionTable how(call, 0);
+  const optics::PoseStart start = start_at(how, localizer);
+  if (!start.orientation)
+    throw std::invalid_argument("axis: is missing; wants axis or orientation");
+  constexpr double kUsualCount = 64;  // as many as a tracker has normals
+  const auto shown =
+      optics::project_outline(settings, {*start.position_in_eye, *start.orientation},
+                              static_cast<int>(how.number("count").value_or(kUsualCount)));
+  if (!shown) return 0;
+  return push_result_list(call, shown->size(), [&](ResultTable& point, std::size_t i) {
+    point.number("u", (*shown)[i].x()).number("v", (*shown)[i].y());
+  });
 }
 
 /// Positions that a calibration has moved are moved back first: the projection knows only its own.
@@ -254,6 +294,24 @@ Binding ellipse_row() {
           "view:ellipse { body = robot, position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } }"};
 }
 
+Binding outline_row() {
+  std::vector<Argument> options = pose_options(true, "of its center, eye frame");
+  options.insert(options.begin(), body_argument());
+  options.push_back({.name = "count",
+                     .type = Type::integer,
+                     .optional = true,
+                     .min = 3,
+                     .max = 4096,
+                     .help = "of points (64)"});
+  return {"outline",
+          {options_of(options)},
+          Returned("list of tables", std::vector<ResultField>{{"u", "", "px"}, {"v", "", "px"}})
+              .or_nil("outside"),
+          "the body's outline in the image, points in order round it; not of a superquadric",
+          outline,
+          "view:outline { body = robot, position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } }"};
+}
+
 Binding locate_row() {
   const auto flag = [](const char* name, const char* help) {
     return Argument{.name = name, .type = Type::flag, .optional = true, .help = help};
@@ -261,6 +319,12 @@ Binding locate_row() {
   std::vector<Argument> options = {
       body_argument(true),
       ellipse_argument(true),
+      {.name = "outline",
+       .type = Type::list,
+       .optional = true,
+       .help =
+           "instead of the ellipse: points in order round it, {{u = , v = , sigma = 0.2}, ...}, "
+           "px"},
       {.name = "points",
        .type = Type::list,
        .optional = true,
@@ -273,14 +337,15 @@ Binding locate_row() {
       {flag("rotate", "six degrees of freedom (false)"),
        number_of("orientation_sigma", "rad", true, "how well the orientation is known before", 1e-9,
                  10),
+       number_of("roll_sigma", "rad", true, "the same about its axis, else alike", 1e-9, 1e6),
        number_of("scale_sigma", "", true, "how well the size is known, relative (0)", 0, 10),
        flag("unknown_size", "it is not known at all (false)"),
        number_of("max_residual_px", "", true, "above it: misfit (8)", 1e-9, 1e6)});
   return {"locate",
           {options_of(options)},
           pose_fields(),
-          "pose from the ellipse that a tracker sees, weighted by its covariance, or from points "
-          "known on the body",
+          "pose from the ellipse that a tracker sees, weighted by its covariance, from the outline "
+          "itself, or from points known on the body",
           locate,
           "view:locate { body = robot, ellipse = seen, axis = { 1, 0, 0 } }"};
 }
@@ -344,6 +409,7 @@ const Class& localizer_class() {
         pixel,
         "view:pixel({ 0, 0, 2 * mm })"},
        ellipse_row(),
+       outline_row(),
        {"info",
         {},
         {"table",

@@ -4,10 +4,13 @@
 #include "host/lua/optics/bind_optics.h"
 #include "optics/analysis/wavefront.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <stdexcept>
 #include <utility>
+#include <vector>
 
 namespace vitreo::lua {
 namespace {
@@ -51,6 +54,100 @@ int wavefront(Call& call) {
         .number("mtf_sagittal", optics::psf_mtf(psf, half_width, {0, *frequency}));
   }
   return 1;
+}
+
+/// Colors with their energies, all 1 where none are given; without colors the system's own.
+std::vector<std::pair<double, double>> spectrum_of(const Call& call, const optics::System& system) {
+  const auto wavelengths =
+      call.numbers_option("wavelengths").value_or(std::vector<double>{system.wavelength});
+  const auto energies =
+      call.numbers_option("energies").value_or(std::vector<double>(wavelengths.size(), 1));
+  if (wavelengths.empty()) throw std::invalid_argument("wavelengths: wants at least one");
+  if (energies.size() != wavelengths.size())
+    throw std::invalid_argument("energies: wants one for each of the wavelengths");
+  std::vector<std::pair<double, double>> spectrum;
+  for (std::size_t i = 0; i < wavelengths.size(); ++i)
+    spectrum.emplace_back(wavelengths[i], energies[i]);
+  return spectrum;
+}
+
+/// The square is as large as the waves' samples suffice for in its corners, unless one is asked
+/// for.
+int point_spread(Call& call) {
+  constexpr int kCells = 48;
+  const optics::System& system = eye_of(call).system;
+  const auto point = optics::point_at_field(system, call.number_option("angle").value_or(0),
+                                            call.number_option("depth").value_or(0));
+  if (!point) return 0;
+  const auto colors = optics::colored_waves(system, *point, spectrum_of(call, system),
+                                            {.image = call.number_option("distance")});
+  double reach = std::numeric_limits<double>::infinity();
+  for (const optics::ColoredWave& color : colors) {
+    const double aside = (color.wave.chief - colors.front().wave.chief).norm();
+    reach = std::min(reach, color.wave.reach - aside);
+  }
+  const double half_width = call.number_option("half_width").value_or(reach / std::numbers::sqrt2);
+  const auto cells = static_cast<int>(call.number_option("cells").value_or(kCells));
+  const Eigen::MatrixXd psf = optics::polychromatic_psf(colors, half_width, cells);
+  ResultTable table(call);
+  table.number("half_width", half_width, "m")
+      .number("distance", colors.front().wave.image, "m")
+      .number("brightest", psf.maxCoeff())
+      .matrix("intensity", psf);
+  if (const auto frequency = call.number_option("frequency")) {
+    table.number("mtf_tangential", optics::psf_mtf(psf, half_width, {*frequency, 0}))
+        .number("mtf_sagittal", optics::psf_mtf(psf, half_width, {0, *frequency}));
+  }
+  return 1;
+}
+
+/// Fields that hang on an option are optional.
+std::vector<ResultField> point_spread_fields() {
+  const char* const transfer = "with diffraction, at the frequency";
+  return {{"half_width", "m", "of the square about the first color's chief ray"},
+          {"distance", "m", "of the image from the last vertex"},
+          {"brightest", "", "the largest intensity"},
+          {"intensity", "", "rows along y; 1: the middle without aberrations"},
+          {.name = "mtf_tangential", .unit = "", .help = transfer, .optional = true},
+          {.name = "mtf_sagittal", .unit = "", .help = transfer, .optional = true}};
+}
+
+Binding point_spread_row() {
+  const auto list = [](const char* name, const char* unit, const char* help) {
+    return Argument{
+        .name = name, .type = Type::numbers, .unit = unit, .optional = true, .help = help};
+  };
+  return {"point_spread",
+          {options_of({list("wavelengths", "m", "in vacuum (the system's own)"),
+                       list("energies", "", "of each color, positive, in any unit (all alike)"),
+                       {.name = "angle",
+                        .type = Type::number,
+                        .unit = "rad",
+                        .optional = true,
+                        .min = -1.5,
+                        .max = 1.5,
+                        .help = "of the field (0)"},
+                       length_option("depth", 0, 1, "before the retina (0)"),
+                       length_option("distance", -10, 10,
+                                     "from the last vertex (best focus of the first color)"),
+                       length_option("half_width", 1e-9, 1, "of the square (as large as can be)"),
+                       {.name = "cells",
+                        .type = Type::integer,
+                        .optional = true,
+                        .min = 1,
+                        .max = 512,
+                        .help = "of a side (48)"},
+                       {.name = "frequency",
+                        .type = Type::number,
+                        .unit = "1/m",
+                        .optional = true,
+                        .min = 0,
+                        .max = 1e9,
+                        .help = "for mtf_tangential, mtf_sagittal"}})},
+          Returned("table", point_spread_fields()).or_nil("outside"),
+          "the diffraction image of a point of the retina in light of several colors",
+          point_spread,
+          "eye:point_spread { wavelengths = { 486.1e-9, 589.3e-9, 656.3e-9 } }"};
 }
 
 }  // namespace
@@ -105,7 +202,8 @@ std::vector<Binding> system_wave_rows() {
                .or_nil("when no light comes through"),
            "the wave of a point of the retina: aberrations, and what diffraction leaves",
            wavefront,
-           "eye:wavefront { angle = 10 * deg }"}};
+           "eye:wavefront { angle = 10 * deg }"},
+          point_spread_row()};
 }
 
 }  // namespace vitreo::lua

@@ -48,23 +48,28 @@ Argument body_argument(bool optional) {
     return Argument{
         .name = name, .type = Type::number, .optional = true, .min = 0, .max = 1.9, .help = help};
   };
-  return {.name = "body",
-          .type = Type::options,
-          .optional = optional,
-          .help = "its shape and size, z along its axis",
-          .options = {
-              {.name = "shape",
-               .type = Type::text,
-               .help = "spheroid, ellipsoid, cylinder or superquadric"},
-              length_option("half_length", 1e-7, 0.1, "of a spheroid or cylinder, along its axis"),
-              length_option("radius", 1e-7, 0.1, "of a spheroid or cylinder"),
-              {.name = "semi_axes",
-               .type = Type::numbers,
-               .unit = "m",
-               .optional = true,
-               .help = "{a, b, c}"},
-              exponent("exponent_along", "of a superquadric: 0 flat ends, 1 round"),
-              exponent("exponent_across", "of its section: 0 square, 1 round")}};
+  return {
+      .name = "body",
+      .type = Type::options,
+      .optional = optional,
+      .help = "its shape and size, z along its axis",
+      .options = {{.name = "shape",
+                   .type = Type::text,
+                   .help = "spheroid, ellipsoid, cylinder, superquadric, crossed_plates or "
+                           "disc_with_needle"},
+                  length_option("half_length", 1e-7, 0.1,
+                                "of a spheroid, cylinder or plates, along the axis"),
+                  length_option("radius", 1e-7, 0.1, "of a spheroid, cylinder, plates or disc"),
+                  length_option("thickness", 1e-7, 0.1, "of plates or a disc"),
+                  length_option("needle_length", 1e-7, 0.1, "from the disc's middle to its tip"),
+                  length_option("needle_radius", 1e-7, 0.1, "of a needle"),
+                  {.name = "semi_axes",
+                   .type = Type::numbers,
+                   .unit = "m",
+                   .optional = true,
+                   .help = "{a, b, c}"},
+                  exponent("exponent_along", "of a superquadric: 0 flat ends, 1 round"),
+                  exponent("exponent_across", "of its section: 0 square, 1 round")}};
 }
 
 /// A shape takes its own fields and must have them all: each has another meaning elsewhere.
@@ -80,6 +85,11 @@ optics::ObjectModel body_at(const OptionTable& table) {
   } else if (shape == "spheroid") {
     const double radius = needed("radius");
     body = optics::ellipsoid({radius, radius, needed("half_length")});
+  } else if (shape == "crossed_plates") {
+    body = optics::crossed_plates(needed("half_length"), needed("radius"), needed("thickness"));
+  } else if (shape == "disc_with_needle") {
+    body = optics::disc_with_needle(needed("radius"), needed("thickness"), needed("needle_length"),
+                                    needed("needle_radius"));
   } else if (shape == "ellipsoid" || shape == "superquadric") {
     const auto axes = table.numbers("semi_axes");
     if (!axes || axes->size() != 3)
@@ -90,8 +100,10 @@ optics::ObjectModel body_at(const OptionTable& table) {
       body.exponent_across = needed("exponent_across");
     }
   } else {
-    throw std::invalid_argument("shape: wants spheroid, ellipsoid, cylinder or superquadric, got " +
-                                shape);
+    throw std::invalid_argument(
+        "shape: wants spheroid, ellipsoid, cylinder, superquadric, crossed_plates or "
+        "disc_with_needle, got " +
+        shape);
   }
   body.check();
   return body;
@@ -152,6 +164,7 @@ optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& 
   optics::ObjectPoseSettings settings = localizer.settings;
   settings.rotate = how.flag("rotate");
   settings.orientation_sigma = how.number("orientation_sigma").value_or(settings.orientation_sigma);
+  settings.roll_sigma = how.number("roll_sigma");
   settings.scale_sigma = how.number("scale_sigma").value_or(0);
   if (how.flag("unknown_size")) settings.scale_sigma = std::numeric_limits<double>::infinity();
   settings.max_residual_px = how.number("max_residual_px").value_or(settings.max_residual_px);
@@ -179,6 +192,26 @@ std::vector<optics::SeenPoint> points_option(const Call& call) {
   }
   lua_pop(call.L, 1);
   return points;
+}
+
+std::vector<optics::OutlinePoint> outline_option(const Call& call) {
+  std::vector<optics::OutlinePoint> outline;
+  call.push_option("outline");
+  const int list = lua_gettop(call.L);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, list));
+  for (lua_Integer i = 1; i <= count; ++i) {
+    const std::string where = "outline: " + std::to_string(i) + ": ";
+    if (lua_rawgeti(call.L, list, i) != LUA_TTABLE)
+      throw std::invalid_argument(where + "wants a table");
+    const OptionTable point(call.L, lua_gettop(call.L));
+    refuse_unknown(call.L, lua_gettop(call.L), where, {"u", "v", "sigma"});
+    const auto u = point.number("u"), v = point.number("v");
+    if (!u || !v) throw std::invalid_argument(where + "wants {u = , v = }");
+    outline.push_back({{*u, *v}, point.number("sigma").value_or(kUsualSigma)});
+    lua_pop(call.L, 1);
+  }
+  lua_pop(call.L, 1);
+  return outline;
 }
 
 /// Five numbers less three of the position, less two of a free axis and one of a free size: what is

@@ -31,6 +31,8 @@ optics::PoseStart start_at(const OptionTable& how, const Localizer& localizer);
 optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& localizer);
 /// The option `points`, a list of {body, u, v, sigma}.
 std::vector<optics::SeenPoint> points_option(const Call& call);
+/// The option `outline`, a list of {u, v, sigma} in order round it.
+std::vector<optics::OutlinePoint> outline_option(const Call& call);
 
 /// Makes the status of a pose `misfit` where its chi2, with the outline's own error beside the
 /// tracker's, is above what one right ellipse in 200 has. Without a number to spare nothing can be

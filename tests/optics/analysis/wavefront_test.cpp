@@ -85,7 +85,8 @@ TEST(Wavefront, ZernikePolynomialsAreOrthonormalOverTheDisc) {
     for (int j = 0; j <= i; ++j) {
       double product = 0;
       for (const auto& at : samples) product += zernike(i, at) * zernike(j, at);
-      EXPECT_NEAR(product / static_cast<double>(samples.size()), i == j ? 1 : 0, 2e-3) << i << " " << j;
+      EXPECT_NEAR(product / static_cast<double>(samples.size()), i == j ? 1 : 0, 2e-3)
+          << i << " " << j;
     }
   }
   EXPECT_NEAR(zernike(4, {1, 0}), std::sqrt(3.0), 1e-12);             // defocus, 2 rho^2 - 1
@@ -105,6 +106,82 @@ TEST(Wavefront, TheModulationTransferIsThatOfACircularPupil) {
         2 / std::numbers::pi * (std::acos(part) - part * std::sqrt(1 - part * part));
     EXPECT_NEAR(psf_mtf(psf, half_width, {part * 2 * na / wave.wavelength, 0}), perfect_mtf, 0.03);
   }
+}
+
+TEST(Polychromatic, APerfectLensAddsAirysPatternsByTheirEnergies) {
+  const double na = 1.5 * 1.0 / 30;
+  const std::vector<std::pair<double, double>> spectrum{{450e-9, 1}, {550e-9, 2}, {650e-9, 0.5}};
+  const auto colors = colored_waves(perfect(1 * kMm), {0, 0, 0}, spectrum,
+                                    {.image = 30 * kMm, .rings = 24, .arms = 48});
+  const double half_width = 3 * 650e-9 / na;
+  constexpr int kCells = 41;
+  const Eigen::MatrixXd psf = polychromatic_psf(colors, half_width, kCells);
+  EXPECT_NEAR(psf(20, 20), 1, 1e-12);
+  for (const int column : {22, 25, 30}) {
+    const double off = half_width * ((2.0 * column + 1) / kCells - 1);
+    double sum = 0, middle = 0;
+    for (const auto& [wavelength, energy] : spectrum) {
+      const double v = 2 * std::numbers::pi * na * off / wavelength;
+      const double bright = energy / (wavelength * wavelength);
+      sum += bright * std::pow(2 * std::cyl_bessel_j(1.0, v) / v, 2);
+      middle += bright;
+    }
+    EXPECT_NEAR(psf(20, column), sum / middle, 3e-3);
+  }
+}
+
+TEST(Polychromatic, TheTransferIsTheMeanOfTheColorsByTheirEnergies) {
+  const double na = 1.5 * 1.0 / 30;
+  const std::vector<std::pair<double, double>> spectrum{{450e-9, 1}, {650e-9, 1}};
+  const auto colors = colored_waves(perfect(1 * kMm), {0, 0, 0}, spectrum,
+                                    {.image = 30 * kMm, .rings = 24, .arms = 48});
+  const double half_width = 5 * 450e-9 / na;
+  const Eigen::MatrixXd psf = polychromatic_psf(colors, half_width, 48);
+  for (const double frequency : {0.2, 0.5, 0.9}) {  // of the cut-off of the longer wave
+    double mean = 0;
+    const double cycles = frequency * 2 * na / 650e-9;
+    for (const auto& [wavelength, energy] : spectrum) {
+      const double part = cycles * wavelength / (2 * na);
+      mean += (std::acos(part) - part * std::sqrt(1 - part * part)) / std::numbers::pi;
+    }
+    EXPECT_NEAR(psf_mtf(psf, half_width, {cycles, 0}), mean, 0.03);  // 3 % of the light outside
+  }
+}
+
+TEST(Polychromatic, AColorOutOfFocusFallsAsItsOwnDefocusSays) {
+  // The eye's own colors: 486 and 656 nm in the focus of 589 nm are darker in the middle, by
+  // sinc^2 of their own focus' distance; the sum weighs them by their energies over areas.
+  System eye = prescription("navarro_condensing").system;
+  eye.stop->radius = 0.5 * kMm;  // of more the spherical aberration would change the law
+  const std::vector<std::pair<double, double>> spectrum{
+      {589.3e-9, 1}, {486.1e-9, 1}, {656.3e-9, 1}};
+  const auto alone = colored_waves(eye, {0, 0, 0}, {spectrum[0]}, {});
+  const auto three = colored_waves(eye, {0, 0, 0}, spectrum, {.image = alone[0].wave.image});
+  double sum = 0, middle = 0;
+  for (const ColoredWave& color : three) {
+    const auto focused = colored_waves(eye, {0, 0, 0}, {{color.wave.wavelength, 1}}, {});
+    const double na = color.wave.numerical_aperture;
+    const double shift = focused[0].wave.image - three[0].wave.image;
+    const double x = std::numbers::pi * na * na * shift / (2 * color.wave.wavelength);
+    const double dark = std::abs(x) > 1e-9 ? std::pow(std::sin(x) / x, 2) : 1;
+    EXPECT_NEAR(color.wave.relative_intensity() / focused[0].wave.relative_intensity(), dark, 0.08);
+    const double bright = std::pow(na / color.wave.wavelength, 2);
+    sum += bright * dark * focused[0].wave.relative_intensity();
+    middle += bright;
+  }
+  const double seen = polychromatic_psf(three, 1e-6, 1)(0, 0);
+  EXPECT_NEAR(seen, sum / middle, 0.05);
+  EXPECT_LT(seen, 0.95 * polychromatic_psf(alone, 1e-6, 1)(0, 0));
+}
+
+TEST(Polychromatic, BadSpectraAreNamed) {
+  const System lens = perfect(1 * kMm);
+  const WavefrontSettings at{.image = 30 * kMm, .rings = 4, .arms = 8};
+  expect_refused("energy", [&] { (void)colored_waves(lens, {0, 0, 0}, {{5e-7, 0}}, at); });
+  expect_refused("colors", [&] { (void)polychromatic_psf({}, 1e-6, 4); });
+  auto colors = colored_waves(lens, {0, 0, 0}, {{5e-7, 1}, {6e-7, 1}}, at);
+  colors[1].wave.image += 1e-3;
+  expect_refused("colors", [&] { (void)polychromatic_psf(colors, 1e-6, 4); });
 }
 
 /// Refraction of the eye for light of its retina's vertex, dioptres: the vergence in air.

@@ -1,5 +1,5 @@
-// Outlines of bodies of convex parts: against dense samples of the surface, and their derivatives
-// against differences.
+// Outlines of bodies of convex parts: against dense samples of the surface, their derivatives
+// against differences, and what is located by them.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/pose/body_outline.h"
 
@@ -10,8 +10,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
+#include <limits>
 #include <numbers>
 #include <random>
+#include <string>
 #include <vector>
 
 namespace vitreo::optics {
@@ -70,6 +73,45 @@ std::vector<Vector> surface_of(const BodyPart& part, int steps = 240) {
   }
   for (Vector& p : unit) p = part.center + part.orientation * p.cwiseProduct(part.semi_axes);
   return unit;
+}
+
+TEST(BodyPart, GrowsUntilItTouchesALineAsItsSampledSurfaceDoes) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  const auto direction = [&] { return Vector(normal(random), normal(random), normal(random)); };
+  for (const auto kind : {BodyPart::Kind::ball, BodyPart::Kind::cylinder}) {
+    const BodyPart part{kind,
+                        {0.5 * kMm, 0.3 * kMm, 0.9 * kMm},
+                        {0.1 * kMm, 0, 0.2 * kMm},
+                        orientation_along(kOblique)};
+    const auto surface = surface_of(part, 60);
+    for (int trial = 0; trial < 40; ++trial) {
+      const Vector d = direction().normalized();
+      const Vector o = part.center + 0.7 * kMm * direction();
+      // The gauge of a convex body by its support function: the most that any normal across the
+      // line asks for.
+      const Vector e1 = d.unitOrthogonal();
+      const Vector e2 = d.cross(e1);
+      const auto asked = [&](double angle) {
+        const Vector n = std::cos(angle) * e1 + std::sin(angle) * e2;
+        double support = 0;
+        for (const Vector& p : surface) support = std::max(support, n.dot(p - part.center));
+        return n.dot(o - part.center) / support;
+      };
+      double best = 0;  // angle: where a flat end touches, the most is a cusp
+      for (int i = 0; i < 180; ++i) {
+        const double angle = std::numbers::pi * i / 90;
+        if (asked(angle) > asked(best)) best = angle;
+      }
+      double gauge = asked(best);
+      for (int i = -60; i <= 60; ++i)
+        gauge = std::max(gauge, asked(best + std::numbers::pi / 90 * i / 60));
+      const detail::Tangency touched = detail::touch(part, o, d);
+      EXPECT_NEAR(touched.gauge, gauge, 1e-3 * gauge);  // what the lattice leaves of the support
+      EXPECT_NEAR(touched.normal.dot(d), 0, 1e-12);
+      EXPECT_NEAR((touched.point - o).cross(d).norm(), 0, 1e-12) << "the contact is on the line";
+    }
+  }
 }
 
 TEST(BodyPart, IsTouchedAlsoSeenEndOnAndThroughItsMiddle) {
@@ -168,6 +210,175 @@ TEST(BodyOutline, DerivativesAreWhatDifferencesGive) {
       }
     }
   }
+}
+
+struct Noise {
+  std::mt19937 random;
+  std::normal_distribution<double> normal{};
+  explicit Noise(unsigned seed) : random(seed) {}
+  double operator()() { return normal(random); }
+  Vector vector() { return {(*this)(), (*this)(), (*this)()}; }
+};
+
+/// 64 points, each off by `sigma` px along its ray.
+std::vector<OutlinePoint> seen_outline(const ObjectPoseSettings& settings, const BodyPose& pose,
+                                       double sigma, Noise& noise) {
+  std::vector<OutlinePoint> seen;
+  const auto outline = project_outline(settings, pose, 64);
+  if (!outline) return seen;
+  for (const Eigen::Vector2d& p : *outline)
+    seen.push_back({p + sigma * Eigen::Vector2d(noise(), noise()), sigma});
+  return seen;
+}
+
+TEST(LocateOutline, EveryBodyIsFoundWhereItsOutlineWas) {
+  Noise noise(1);
+  for (const bool exact : {true, false}) {
+    for (const ObjectModel& body : kBodies) {
+      ObjectPoseSettings settings = settings_of(body, exact);
+      const BodyPose truth{kPlace, orientation_along(kOblique)};
+      auto seen = seen_outline(settings, truth, 0, noise);
+      for (OutlinePoint& point : seen) point.sigma_px = 0.2;
+      const ObjectPose found = locate_outline(settings, seen, {{}, truth.orientation});
+      ASSERT_EQ(found.status, PoseStatus::found) << to_string(found.status);
+      EXPECT_LT((found.candidates[0].pose.position_in_eye - kPlace).norm(), 1e-3 * kUm);
+    }
+  }
+}
+
+/// Normalized squared errors of plates whose axis is known to 2 degrees and whose roll to 0.1 rad,
+/// of the candidate that is nearest to the truth: a turn about their axis has a twin.
+struct PlatesErrors {
+  double position = 0;  // of three degrees of freedom
+  double depth = 0;     // of one
+};
+PlatesErrors plates_errors(double roll, int trials) {
+  Noise noise(2);
+  ObjectPoseSettings settings = settings_of(kPlates);
+  settings.orientation_sigma = 0.035;
+  settings.roll_sigma = 0.1;
+  const BodyPose truth{{3 * kMm, 0.5 * kMm, 4 * kMm},
+                       orientation_along({1, 0.1, 0.05}) * turned({0, 0, roll})};
+  PlatesErrors sum;
+  for (int i = 0; i < trials; ++i) {
+    const auto seen = seen_outline(settings, truth, 0.2, noise);
+    const Eigen::Matrix3d believed =
+        truth.orientation * turned(noise.vector().cwiseProduct(Vector(0.035, 0.035, 0.1)));
+    const ObjectPose found = locate_outline(settings, seen, {{}, believed});
+    PlatesErrors nearest{1e9, 1e9};
+    for (const PoseCandidate& one : found.candidates) {
+      const Vector off = one.pose.position_in_eye - truth.position_in_eye;
+      const Eigen::Matrix3d covariance = one.covariance.topLeftCorner<3, 3>();
+      const double position = off.dot(covariance.ldlt().solve(off));
+      if (position < nearest.position) nearest = {position, off.z() * off.z() / covariance(2, 2)};
+    }
+    sum.position += nearest.position / trials;
+    sum.depth += nearest.depth / trials;
+  }
+  return sum;
+}
+
+TEST(LocateOutline, PlatesAtHalfARightAngleHaveTheirTwinAndAnHonestCovariance) {
+  constexpr int kTrials = 60;
+  // From the believed roll alone, 0.75 rad, the search ended in the twin, 0.82 rad, and the mean
+  // was 77.
+  EXPECT_NEAR(plates_errors(0.75, kTrials).position, 3, 3.9 * std::sqrt(6.0 / kTrials));
+}
+
+TEST(LocateOutline, PlatesThatLieFaceOnHaveAnHonestDepth) {
+  constexpr int kTrials = 60;
+  // Of the position as a whole it is 5: where a turn is hardly seen the valley is curved
+  // (docs/localization.md).
+  for (const double roll : {0.0, 0.3})
+    EXPECT_NEAR(plates_errors(roll, kTrials).depth, 1, 3.9 * std::sqrt(2.0 / kTrials)) << roll;
+}
+
+/// A random pose in the workspace, the axis uniform over the sphere.
+BodyPose random_pose(Noise& noise) {
+  std::uniform_real_distribution<double> unit(0, 1);
+  const double angle = 2 * std::numbers::pi * unit(noise.random);
+  const double out = 3 * kMm * std::sqrt(unit(noise.random));
+  const Vector place(out * std::cos(angle), out * std::sin(angle),
+                     2 * kMm + 5 * kMm * unit(noise.random));
+  return {place, orientation_along(noise.vector())};
+}
+
+/// Position and axis of a candidate against the truth, by its own covariance: squared, of at most
+/// five degrees of freedom. A body that is round about its axis shows no turn about it, and either
+/// end of the axis may be up; directions that are not observed do not count.
+double apart(const PoseCandidate& one, const BodyPose& truth) {
+  Vector axis = one.pose.orientation.transpose() * truth.orientation.col(2);
+  if (axis.z() < 0) axis = -axis;
+  const Vector across = Vector::UnitZ().cross(axis);
+  const double sine = across.norm();
+  const Vector turn = sine > 0 ? Vector(across * (std::atan2(sine, axis.z()) / sine)) : across;
+  Eigen::Matrix<double, 6, 1> off;
+  off << truth.position_in_eye - one.pose.position_in_eye, turn;
+  std::vector<int> seen;
+  for (int i = 0; i < 6; ++i)
+    if (std::isfinite(one.covariance(i, i)) && one.covariance(i, i) > 0) seen.push_back(i);
+  const Eigen::VectorXd part = off(seen);
+  const Eigen::MatrixXd covariance = one.covariance(seen, seen);
+  return part.dot(covariance.ldlt().solve(part));
+}
+
+struct Candidates {
+  int held = 0;  // poses with the truth among them
+  int count = 0;
+  double milliseconds = 0;  // of the processor, for one
+};
+
+/// The truth is among the candidates where one of them is within 25 by its covariance, which of
+/// five degrees of freedom one right answer in 7000 is not.
+template <class Locate>
+Candidates six_degrees(const ObjectPoseSettings& settings, int count, unsigned seed,
+                       Locate&& locate) {
+  Candidates found;
+  Noise noise(seed);
+  while (found.count < count) {
+    const BodyPose truth = random_pose(noise);
+    if (!project_object(settings, truth)) continue;
+    const std::clock_t begin = std::clock();
+    const ObjectPose pose = locate(truth, noise);
+    found.milliseconds += 1e3 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC / count;
+    ++found.count;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const PoseCandidate& one : pose.candidates) {
+      if (pose.status != PoseStatus::not_converged) nearest = std::min(nearest, apart(one, truth));
+    }
+    found.held += nearest < 25;
+  }
+  return found;
+}
+
+TEST(SixDegrees, ACylindersTruePoseIsAmongThoseThatItsOutlineLeaves) {
+  ObjectPoseSettings settings = settings_of(kRod);
+  settings.rotate = true;
+  const Candidates found = six_degrees(settings, 100, 31, [&](const BodyPose& truth, Noise& noise) {
+    return locate_outline(settings, seen_outline(settings, truth, 0.2, noise), {});
+  });
+  EXPECT_GE(found.held, 99) << "of " << found.count;
+  RecordProperty("milliseconds", std::to_string(found.milliseconds));
+}
+
+TEST(SixDegrees, ACylindersTruePoseIsAmongThoseThatItsEllipseLeaves) {
+  // Across the line of sight its ellipse is the shortest for any small tilt, either way: a kink,
+  // where a minimum counts too. Without it 89 of 100 were held.
+  ObjectPoseSettings settings = settings_of(kRod);
+  settings.rotate = true;
+  const Candidates found = six_degrees(settings, 40, 13, [&](const BodyPose& truth, Noise& noise) {
+    detail::SmoothEllipse off;
+    for (double& one : off) one = 0.2 * noise();
+    off.tail<3>() /= std::numbers::sqrt2;
+    const EllipseVector seen =
+        detail::center_axes_angle(detail::smooth_ellipse(*project_object(settings, truth)) + off);
+    EllipseCovariance covariance = EllipseCovariance::Identity() * 0.04;
+    const double half = (seen[2] - seen[3]) / 2;
+    covariance(4, 4) = 0.02 / (4 * half * half);
+    return locate_object(settings, seen, covariance, {});
+  });
+  EXPECT_GE(found.held, 39) << "of " << found.count;
+  RecordProperty("milliseconds", std::to_string(found.milliseconds));
 }
 
 }  // namespace

@@ -125,6 +125,16 @@ TEST_F(OpticsBinding, ColorsWavesAndTiltedSurfacesAreReached) {
       "assert(tilted:prescription().rows[3].tilt_y == 0.05)\n"
       "assert(optics.system(tilted:prescription()):info().parameters['lens.anterior.tilt_y'] == "
       "0.05)");
+  expect_fine(
+      "local lens = optics.system { name = 'navarro_condensing' }\n"
+      "local one = lens:point_spread { cells = 15, frequency = 5e4 }\n"
+      "local three = lens:point_spread { wavelengths = { 589.3e-9, 486.1e-9, 656.3e-9 }, "
+      "energies = { 1, 1, 1 }, cells = 15, half_width = one.half_width / 2, distance = "
+      "one.distance }\n"
+      "assert(#one.intensity == 15 and #one.intensity[15] == 15)\n"
+      "assert(one.brightest > three.brightest, 'each color has its own focus')\n"
+      "assert(one.mtf_tangential > 0 and one.mtf_tangential < 1 and not three.mtf_tangential)");
+  expect_refused("eye:point_spread { wavelengths = { 5e-7 }, energies = { 1, 2 } }", {"energies"});
   expect_refused("eye:in_light(1.1e-6)", {"in_light", "navarro"});
   expect_refused("eye:with { ['lens.anterior.tilt_y'] = 2 }", {"optical_system:with: ", "tilt"});
 }

@@ -109,6 +109,30 @@ TEST_F(OpticsLocalizer, OneLookAtTheKnownRetinaMendsTheImageScale) {
       {"localizer:calibrate: observed"});
 }
 
+TEST_F(OpticsLocalizer, APlatesOutlineShowsWhereItIs) {
+  expect_fine(
+      "local plates = { shape = 'crossed_plates', half_length = 1*mm, radius = 0.5*mm, thickness = "
+      "42*um }\n"
+      "local place = vector(2*mm, 1*mm, 4*mm)\n"
+      "local outline = view:outline({ body = plates, position = place, axis = { 1, 0.1, 0 } })\n"
+      "assert(#outline == 64)\n"
+      "local found = view:locate({ body = plates, outline = outline, axis = { 1, 0.1, 0 }, "
+      "orientation_sigma = 2*deg, roll_sigma = 0.2 })\n"
+      "near((found.candidates[1].position - place):norm(), 0, 1*nm)\n"
+      "local pin = { shape = 'disc_with_needle', radius = 0.5*mm, thickness = 0.1*mm, "
+      "needle_length "
+      "= 1*mm, needle_radius = 0.05*mm }\n"
+      "local six = view:locate({ body = pin, outline = view:outline({ body = pin, position = "
+      "place, "
+      "axis = { 1, 0.1, 0.5 } }), rotate = true })\n"
+      "near((six.candidates[1].position - place):norm(), 0, 1*um)");
+  expect_refused(
+      "view:outline({ body = { shape = 'superquadric', semi_axes = { 1*mm, 1*mm, 1*mm }, "
+      "exponent_along = 0.5, exponent_across = 0.5 }, position = { 0, 0, 4*mm }, axis = "
+      "{ 1, 0, 0 } })",
+      {"object: its outline is not in closed form"});
+}
+
 TEST_F(OpticsLocalizer, WrongCallsNameTheField) {
   const std::string seen = "{ u = 700, v = 500, semi_major = 50, semi_minor = 30, angle = 0 }";
   expect_refused(
@@ -130,7 +154,7 @@ TEST_F(OpticsLocalizer, WrongCallsNameTheField) {
           " s.covariance = { 1, 2 } view:locate({ body = robot, ellipse = s, axis = { 0, 0, 1 } })",
       {"covariance: wants 25 numbers"});
   expect_refused("view:locate { body = robot, axis = { 0, 0, 1 } }",
-                 {"localizer:locate: options: wants either ellipse or points"});
+                 {"localizer:locate: options: wants either ellipse, outline or points"});
   expect_refused("view:locate { ellipse = " + seen + ", axis = { 0, 0, 1 } }",
                  {"localizer:locate: body: is missing"});
   expect_refused("view:locate { body = robot, points = {} }", {"body: goes with ellipse"});
