@@ -2,6 +2,7 @@
 #include "host/servo/plant_watch.h"
 
 #include "control/robot.h"
+#include "host/servo/view_doubt.h"
 
 #include <fmt/format.h>
 
@@ -26,9 +27,11 @@ constexpr double kPlantSigmas = 6;
 constexpr double kPlantOffset = 30e-6;
 constexpr double kPlantDriftChange = 0.3e-3;
 constexpr double kPlantGainError = 0.5;
-// Standard deviations of what the view is off by the robot's attitude. What background and coils
-// turn it more than is believed changes with the currents.
-constexpr double kPlantAttitudes = 3;
+// Standard deviations of what the view is off by the robot's attitude, and the part of each coil's
+// share of the field by which it turns the robot unnoticed: a gain of 3 %, an axis of 1.5 degrees
+// (control::FieldPerturbation). Where coils work against each other that is 0.15 rad at 10 mT.
+constexpr double kPlantAttitudes = 2;
+constexpr double kPlantCoilError = 0.04;
 // What a hypothesis must explain of it, at least.
 constexpr double kPlantExplained = 0.65;
 constexpr int kPlantSure = 2;  // measurements in a row
@@ -125,6 +128,13 @@ PlantWatch::Motions PlantWatch::velocities(const Eigen::Vector3d& position) cons
   return found;
 }
 
+void PlantWatch::note_field(Sample& sample) const {
+  const Eigen::Vector3d known = model_.field.nearest_valid(sample.position);
+  const control::FieldMatrix matrix = model_.field.matrix(known);
+  sample.shares = matrix.topRows<3>().colwise().norm().transpose().cwiseProduct(flow_.currents);
+  sample.field = (matrix * flow_.currents + model_.field.background(known)).head<3>().norm();
+}
+
 void PlantWatch::measured(double time, const Eigen::Vector3d& position,
                           const Eigen::Matrix3d& noise, const Eigen::Matrix3d& by_attitude,
                           double delay) {
@@ -136,9 +146,11 @@ void PlantWatch::measured(double time, const Eigen::Vector3d& position,
              largest_variance(noise),
              Motions::Zero(3, kPlantCoils + 2 * flow_.currents.size()),
              by_attitude,
-             flow_.currents};
+             {},
+             0};
   if (samples_.empty()) {
     flow_to(acting);
+    note_field(now);
     samples_.push_back(std::move(now));
     return;
   }
@@ -150,17 +162,21 @@ void PlantWatch::measured(double time, const Eigen::Vector3d& position,
     now.moved += (time - samples_.back().time) / kPlantSubsteps * velocities(position);
   }
   flow_to(acting);
-  now.flowing = flow_.currents;
+  note_field(now);
   samples_.push_back(std::move(now));
   while (time - samples_.front().time > kPlantKept) samples_.pop_front();
-  const auto slow = drift();
-  if (!slow) return;
+  if (const auto slow = drift()) look_back(*slow);
+}
+
+// At all windows that end now.
+void PlantWatch::look_back(const Eigen::Vector3d& slow) {
+  const double time = samples_.back().time;
   Verdict most;
   bool stands = false;
   for (const Sample& then : samples_) {
     if (time - then.time > kPlantLongest) continue;
     if (time - then.time < kPlantShortest) break;
-    Verdict found = judge(then, samples_.back(), *slow);
+    Verdict found = judge(then, samples_.back(), slow);
     stands = stands || found.standing;
     if (found.excess > most.excess) most = std::move(found);
   }
@@ -195,8 +211,9 @@ PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now,
   const Eigen::Vector3d left = went - expected;
   const double sigma = std::sqrt(then.variance + now.variance);
   const double turned =
-      std::min(1.0, (now.flowing - then.flowing).norm() / std::max(then.flowing.norm(), 1e-9));
-  const double by_attitude = turned * std::sqrt(std::max(0.0, left.dot(now.by_attitude * left))) /
+      kPlantCoilError * (now.shares - then.shares).norm() / std::max(now.field, 1e-6);
+  const double by_attitude = turned / kTakenAxis *
+                             std::sqrt(std::max(0.0, left.dot(now.by_attitude * left))) /
                              std::max(left.norm(), 1e-12);
   const double allowed = kPlantSigmas * sigma + kPlantOffset + kPlantDriftChange * span +
                          kPlantAttitudes * by_attitude +

@@ -48,7 +48,8 @@ class PlantWatch {
     double variance = 0;                                    // m^2, the largest of a direction
     Motions moved;                                          // since the first sample
     Eigen::Matrix3d by_attitude = Eigen::Matrix3d::Zero();  // m^2
-    control::Currents flowing;
+    Eigen::VectorXd shares;                                 // T, of the field, each coil's
+    double field = 0;                                       // T
   };
   struct Told {
     double acts = 0;  // s
@@ -66,9 +67,11 @@ class PlantWatch {
   };
   void advance(Flow& flow, double time) const;
   void flow_to(double time);
+  void note_field(Sample& sample) const;  // of the currents that flow
   Motions velocities(const Eigen::Vector3d& position) const;
   Eigen::Vector3d force(const control::FieldGradient& made) const;
   std::optional<Eigen::Vector3d> drift() const;
+  void look_back(const Eigen::Vector3d& slow);
   Verdict judge(const Sample& then, const Sample& now, const Eigen::Vector3d& drift) const;
   std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
 

@@ -16,9 +16,6 @@ constexpr double kChangingOutline_px = 0.1;
 /// px, of a mean of two seconds of frames on the retina.
 constexpr double kLook_px = 0.05;
 
-/// rad: how a field holds the robot that is taken to lie along it.
-constexpr double kTakenAxis = 0.035;
-
 // The believed chain, its scale as a calibration has put it right.
 optics::NominalChain chain_of(const RigModel& model) {
   optics::NominalChain chain;

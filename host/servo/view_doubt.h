@@ -13,6 +13,9 @@
 
 namespace vitreo {
 
+/// rad: how a field holds the robot that is taken to lie along it.
+inline constexpr double kTakenAxis = 0.035;
+
 /// m^2, of a position: what stays wrong from frame to frame, everything but the tracker's noise.
 struct SystematicDoubt {
   Eigen::Matrix3d whole;
