@@ -22,7 +22,7 @@ def ended(name, end, environment=None):
     try:
         for _ in range(600):
             folders = list(out.iterdir()) if out.exists() else []
-            if folders and (folders[0] / "script").exists():
+            if folders and folders[0].name in vitreo.going_on():
                 break
             time.sleep(0.05)
         live = vitreo.attach(folders[0].name)

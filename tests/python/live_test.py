@@ -50,6 +50,22 @@ class Live(unittest.TestCase):
         with self.assertRaisesRegex(vitreo.RunError, f"{live.name}: is over"):
             live.status()
 
+    def test_a_stage_is_moved_while_the_run_goes_on(self):
+        live = self.begun(real_time=True, rig="calibration")
+        live.wait_until(lambda status: "instruments" in status, 60)
+        with self.assertRaisesRegex(vitreo.RunError, "'stage w' is none of those that can be adjusted"):
+            live.adjust("stage w", 1e-3)
+        live.adjust("stage z", 2e-3, by="Ann")
+
+        def there(status):
+            return any(one["name"] == "stage z" and one["value"] is not None and abs(one["value"] - 2e-3) < 1e-5
+                       for one in status["instruments"])
+
+        live.wait_until(there, 60)
+        live.stop(by="Ann")
+        events = live.wait(120).events
+        self.assertIn("stage z to 2 mm, by Ann", list(events.text))
+
     def test_a_stream_is_followed_sample_by_sample_to_the_end(self):
         live = self.begun(answers={"width": "1mm"})
         parts = []
