@@ -1,8 +1,8 @@
 -- Supervised servoing (thesis 6.2, figures 6.7 and 6.8): the operator names points in the image's plane and a depth; the loop
 -- takes the robot there, and reports its height above the retina beside a zero level that the operator sets. Points come from
 -- a script (the parameter), are asked for one at a time, or are pointed at in the live view (`vitreo view servo_supervised
--- points=view`), where a joystick also changes the depth. With fixed_to=retina each point goes with the retina that is seen behind
--- it, whatever the eye does (rig drifting_eye, with feedback=color).
+-- points=view`), where a joystick also changes the depth. With fixed_to=retina each point goes with the retina that is seen
+-- behind it, whatever the eye does (rig drifting_eye, with feedback=color).
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "session.preparation"
 local color_feedback = require "session.color_feedback"
@@ -67,18 +67,18 @@ end
 
 -- The map of the retina, with a frame on it: what follows is fixed to what that one shows.
 local function retina_map(rig, run, servo, view)
-  local retina = retina_targets.open(rig, run, servo, view)
+  local ground = retina_targets.open(rig, run, servo, view)
   for _ = 1, 50 do
-    if retina_targets.look(retina) then return retina end
+    if retina_targets.look(ground) then return ground end
   end
   error("fixed_to: the top camera shows no retina that a frame could be found on", 0)
 end
 
 -- Goes to a point of the world, or of the retina. Returns whether it got there, or why not.
-local function go_to(servo, retina, target, p)
+local function go_to(servo, ground, target, p)
   local options = { speed = p.speed, within = p.within, settle = 1 * s }
-  if not retina then return pcall(servo.go_to, servo, target, options) end
-  local went = retina_targets.go_to(retina, target, options)
+  if not ground then return pcall(servo.go_to, servo, target, options) end
+  local went = retina_targets.go_to(ground, target, options)
   return went.reached, went.problem
 end
 
@@ -156,10 +156,10 @@ return {
     }
     bring.insert(rig, servo, vector(0, 0, 0))
     bring.trim(servo, vector(0, 0, 0), { rounds = 1, within = view and 0.8 * mm or nil })
-    local retina = p.fixed_to == "retina" and retina_map(rig, run, servo, view) or nil
-    if retina and script then
+    local ground = p.fixed_to == "retina" and retina_map(rig, run, servo, view) or nil
+    if ground and script then
       for k, point in ipairs(script) do
-        script[k] = retina_targets.fix(retina, point)
+        script[k] = retina_targets.fix(ground, point)
       end
     end
     local rows, reached, warned, errors, bars = {}, 0, 0, {}, { x = {}, y = {}, p = {} }
@@ -167,11 +167,11 @@ return {
     local function visit(target)
       run:checkpoint("before point " .. number)
       if script then run:progress((number - 1) / #script, ("point %d of %d"):format(number, #script)) end
-      local there, problem = go_to(servo, retina, target, p)
+      local there, problem = go_to(servo, ground, target, p)
       if not there and not servo:status().position then error(problem, 0) end
       local from = run:now() - 1 * s
-      if not retina then run:wait(0.3 * s) end -- over the retina it would be left behind meanwhile
-      local at = retina and target.place or target
+      if not ground then run:wait(0.3 * s) end -- over the retina it would be left behind meanwhile
+      local at = ground and target.place or target
       local bar = depth_bar(run, rig, servo, p)
       if there then reached = reached + 1 end
       run:note(
@@ -216,21 +216,21 @@ return {
     end
     local over -- the point of the retina that was visited last
     local function visit_over(target)
-      retina_targets.look(retina)
-      over = retina.pose and retina_targets.fix(retina, target) or nil
+      retina_targets.look(ground)
+      over = ground.pose and retina_targets.fix(ground, target) or nil
       if over then return visit(over) end
       run:note "the retina is not found: a point is not gone to"
     end
     local function keep()
-      if over then retina_targets.keep(retina, over) end
+      if over then retina_targets.keep(ground, over) end
       return over
     end
     if p.points == "view" then
-      pointed(rig, run, servo, retina and visit_over or visit, retina and keep)
+      pointed(rig, run, servo, ground and visit_over or visit, ground and keep)
     else
       local target = script and script[1] or not script and asked(run, 1, 5 * mm)
       while target do
-        if retina and not script then
+        if ground and not script then
           visit_over(target)
         else
           visit(target)
@@ -244,10 +244,10 @@ return {
     end
     if #rows == 0 and p.points == "view" then return run:note("no place was pointed at") end
     if #rows == 0 then error("no point was given", 0) end
-    if retina then
-      run:result("frames", retina.frames)
-      run:result("frames_on_map", retina.found)
-      run:picture { title = "The map of the retina", image = retina.map:picture().image }
+    if ground then
+      run:result("frames", ground.frames)
+      run:result("frames_on_map", ground.found)
+      run:picture { title = "The map of the retina", image = ground.map:picture().image }
     end
     run:table {
       title = "Points and depth bar, as figures 6.7 and 6.8",

@@ -184,6 +184,17 @@ std::string in_unit(const Cell& cell, const Unit& unit) {
   return with_unit({fixed(number, decimals_for(number, cell.digits)), print_unit(unit.symbol)});
 }
 
+/// More than five decades, as the limits of a pixel and of a pupil distance: no unit shows both.
+bool too_wide(const std::vector<double>& values) {
+  double least = INFINITY, most = 0;
+  for (const double value : values) {
+    if (value == 0 || !std::isfinite(value)) continue;
+    least = std::min(least, std::fabs(value));
+    most = std::max(most, std::fabs(value));
+  }
+  return most > 1e5 * least;
+}
+
 }  // namespace
 
 // First the unit that fits the largest value; then smaller ones as long as the smallest would begin
@@ -276,7 +287,7 @@ std::vector<std::string> cells_in_one_unit(std::vector<std::string> cells) {
     if (!read[i]) continue;
     const std::string& dimension = read[i]->parts.front().dimension;
     const auto unit = column_unit(values[dimension], dimension);
-    if (!unit || symbols[dimension].size() < 2) continue;
+    if (!unit || symbols[dimension].size() < 2 || too_wide(values[dimension])) continue;
     std::string text = read[i]->prefix;
     for (const Cell& cell : read[i]->parts)
       text += (&cell == &read[i]->parts.front() ? "" : " to ") + in_unit(cell, *unit);

@@ -39,7 +39,7 @@ std::string format_measured(double in_si, double uncertainty, std::string_view u
 
 /// Cells that are quantities ("980 um", "1 min 02 s", "at most 3 mm", "20 um to 1 mm"): those of
 /// one dimension in one unit, each with the significant digits it came with. Other cells, and those
-/// of a dimension with one unit only, stay.
+/// of a dimension with one unit only, or of sizes as um and m, stay.
 std::vector<std::string> cells_in_one_unit(std::vector<std::string> cells);
 
 /// A script's own text with its units as in print: "137 um" and "error (um)" with µ, "30 deg" with

@@ -1,5 +1,6 @@
 -- The simulated microscope of the sampled bench without an eye below it, and a ball of 0.8 mm on a stage as the target: what a
--- calibration of the microscope alone sees (docs/chain.md). With a run's seed it is the microscope that sampled_bench has with it.
+-- calibration of the microscope alone sees (docs/chain.md). With a run's seed it is the microscope that sampled_bench has with
+-- it.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm = units.mm

@@ -1,5 +1,5 @@
--- Targets that are fixed to the retina: beside a servo loop each frame is found on a map of the retina, and a target's place in the
--- world follows the point of the map over which it stands, at its depth. What moves the retina in the image moves the target.
+-- Targets that are fixed to the retina: beside a servo loop each frame is found on a map of the retina, and a target's place in
+-- the world follows the point of the map over which it stands, at its depth. What moves the retina in the image moves the target.
 -- SPDX-License-Identifier: Apache-2.0
 local statistics = require "analysis.statistics"
 local units = require "units"

@@ -97,6 +97,11 @@ TEST(Columns, CellsOfATableComeInOneUnit) {
       << "nothing to do";
 }
 
+TEST(Columns, CellsOfVeryDifferentSizesKeepTheirUnits) {
+  const std::vector<std::string> cells{"14.01 µm to 14.59 µm", "0.17 m to 100 m"};
+  EXPECT_EQ(cells_in_one_unit(cells), cells);
+}
+
 TEST(Columns, TheScriptsOwnUnitsAreSetInPrint) {
   EXPECT_EQ(with_print_units("137 um, at 3.5 um/s; 30 deg"),
             "137 \u00b5m, at 3.5 \u00b5m/s; 30\u00b0");
