@@ -6,6 +6,7 @@ local units = require "units"
 local places = require "places"
 local drift = require "analysis.drift"
 local statistics = require "analysis.statistics"
+local bring = require "session.preparation"
 local free = require "session.free_drift"
 local plant = require "session.plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
@@ -21,8 +22,7 @@ local function leave_alone(run, rig, p, background, kind, found)
     feedback = kind,
     field = p.field,
     lost_timeout = 5 * s,
-    -- An operator sees how the robot lies; the thesis' localization takes the axis from the field.
-    axis_uncertainty = kind == "none" and 4 * units.deg or nil,
+    axis_uncertainty = kind ~= "two_cameras" and kind ~= "pose_sensor" and bring.axis_uncertainty(p.attitude) or nil,
   }
   servo:hold(center)
   rig.sample:insert_robot(center)
@@ -85,6 +85,11 @@ return {
       choices = { "all", "none", "one_camera", "two_cameras", "pose_sensor" },
       default = "all",
       help = "what the field follows; all: the thesis' three; pose_sensor: the simulator's truth, late and noisy",
+    },
+    attitude = {
+      choices = { "estimated", "taken" },
+      default = "estimated",
+      help = "how the robot lies, by one camera; taken: along the commanded field, as the thesis; coils turn it by 0.15 rad",
     },
     machines = { default = 8, min = 1, max = 100, integer = true, help = "drawn, on a simulated rig; the first is the rig's" },
     edge = {

@@ -39,15 +39,17 @@ void measure(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how,
   }
 }
 
-/// No instrument measures in no time.
+/// No instrument measures in no time. Of three, because on the wall clock of a busy machine an
+/// answer may be there before the question's own thread goes on.
 void miss_the_deadline(FieldProbe& probe, std::vector<std::string>& findings) {
-  try {
-    probe.measure(Time::zero());
-    findings.emplace_back("measure() does not notice its deadline");
-  } catch (const DeviceError& error) {
-    if (error.kind != DeviceErrorKind::timeout)
-      findings.emplace_back("at the deadline, measure() fails with another kind of error");
-  }
+  for (int attempt = 0; attempt < 3; ++attempt) try {
+      probe.measure(Time::zero());
+    } catch (const DeviceError& error) {
+      if (error.kind != DeviceErrorKind::timeout)
+        findings.emplace_back("at the deadline, measure() fails with another kind of error");
+      return;
+    }
+  findings.emplace_back("measure() does not notice its deadline");
 }
 
 }  // namespace
