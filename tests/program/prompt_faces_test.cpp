@@ -229,7 +229,7 @@ TEST(PipedPrompt, TablesAreShownInPeoplesUnits) {
           .out;
   for (const char* part : {"effective_pixel = 14.3 \u00b5m,", "frame_period = 66.6667 ms,",
                            "width_px = 1384,", "eye_in_world = {0, 0, -5} mm,",
-                           "microscope = {focus = 12.3 mm, numerical_aperture = 0.01},"})
+                           "focus = 12.3 mm, numerical_aperture = 0.01,"})
     EXPECT_NE(said.find(part), std::string::npos) << part << " in " << said;
 }
 
