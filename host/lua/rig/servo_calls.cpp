@@ -444,8 +444,9 @@ int servo_calls::follow(Call& call) {
   return call.wait(std::move(wait));
 }
 
+// A robot that was lost is searched anew: a person may have put it back.
 int servo_calls::hold(Call& call) {
-  throw_if_troubled(call.self<Servo>());
+  if (call.self<Servo>().status().state != ServoState::lost) throw_if_troubled(call.self<Servo>());
   call.self<Servo>().hold(call.vector(0),
                           call.vector_option("velocity").value_or(Eigen::Vector3d::Zero()));
   return 0;

@@ -94,6 +94,22 @@ TEST_F(ServoBinding, AFrameFromBeforeIsNoSightOfTheRobot) {
   EXPECT_EQ(end.error, "");
 }
 
+TEST_F(ServoBinding, ARobotThatWasLostIsSearchedAnewByHold) {
+  const Ended end =
+      run("rig.sample:insert_robot({0, 0, 0}) servo:wait_until_tracked()\n"
+          "rig.sample:remove_robot() run:wait(3)\n"
+          "assert(servo:status().state == 'lost')\n"
+          "assert(not pcall(servo.go_to, servo, {1e-3, 0, 0}))\n"
+          "servo:hold({1e-3, 0, 0})\n"
+          "run:wait(3) assert(servo:status().state == 'searching', servo:status().state)\n"
+          "rig.sample:insert_robot({1e-3, 0, 0})\n"
+          "local at = servo:wait_until_tracked() assert((at - {1e-3, 0, 0}):norm() < 1.5e-3)\n"
+          "run:wait(3) assert(servo:status().state == 'holding')\n"
+          "assert((servo:position() - {1e-3, 0, 0}):norm() < 0.5e-3, servo:position())\n"
+          "rig.sample:remove_robot() run:wait(3) assert(servo:status().state == 'lost')");
+  EXPECT_EQ(end.error, "");
+}
+
 TEST_F(ServoBinding, ATimeoutNamesTargetElapsedAndLastPlace) {
   expect_all(run("rig.sample:insert_robot({0, 0, 0}) "
                  "servo:wait_until_tracked()\nservo:go_to({3e-3, 0, 0}, { timeout = 1 })")
