@@ -364,9 +364,10 @@ void Servo::Loop::set_goal(Mode wanted, const control::Trajectory& path, int wan
   pictures = wanted_pictures;
   pictures_taken = 0;
   mode = wanted;
-  // Behind the checks: a goal that is refused does not take a lost robot up again. It is searched
-  // as at the beginning: until it is seen there is only the field that turns it.
-  if (let_go) {
+  // Behind the checks: a goal that is refused does not take a lost robot up again. Where it is to
+  // be held it is searched as at the beginning: until it is seen only the field that turns it
+  // flows.
+  if (let_go && wanted == Mode::holding) {
     seen = false;
     status.state = ServoState::searching;
   }
