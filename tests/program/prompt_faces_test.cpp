@@ -227,9 +227,9 @@ TEST(PipedPrompt, TablesAreShownInPeoplesUnits) {
   const std::string said =
       place.vitreo("", "rig.top_camera:info()\nrig:model()\nrig.top_camera:info().frame_period\n")
           .out;
-  for (const char* part : {"effective_pixel = 14.3 \u00b5m,", "frame_period = 66.6667 ms,",
-                           "width_px = 1384,", "eye_in_world = {0, 0, -5} mm,",
-                           "focus = 12.3 mm, numerical_aperture = 0.01,"})
+  for (const char* part :
+       {"effective_pixel = 14.3 \u00b5m,", "frame_period = 66.6667 ms,", "width_px = 1384,",
+        "eye_in_world = {0, 0, -5} mm,", "focus = 12.3 mm, numerical_aperture = 0.01,"})
     EXPECT_NE(said.find(part), std::string::npos) << part << " in " << said;
 }
 
