@@ -41,6 +41,16 @@ int locate_by_ellipse(const Call& call) {
       });
 }
 
+/// `locate`: a pose of copies alone. It may last longer than the script's handles.
+template <class Locate>
+int calculate_pose(const Call& call, const char* what, const Localizer& localizer, Locate locate) {
+  return calculate(
+      call, what, [locate](const YieldPoint&) { return locate(); },
+      [offset = localizer.offset](Call& done, const optics::ObjectPose& pose) {
+        return push_pose(done, pose, offset);
+      });
+}
+
 /// The same by points known on the body, which show its orientation too.
 int locate_by_points(const Call& call) {
   const Localizer& localizer = localizer_of(call);
@@ -48,14 +58,9 @@ int locate_by_points(const Call& call) {
   const auto settings = settings_at(how, localizer);
   const auto points = points_option(call);
   const optics::PoseStart start = start_at(how, localizer);
-  return calculate(
-      call, "locate points",
-      [settings, points, start](const YieldPoint&) {
-        return optics::locate_points(settings, points, start);
-      },
-      [offset = localizer.offset](Call& done, const optics::ObjectPose& pose) {
-        return push_pose(done, pose, offset);
-      });
+  return calculate_pose(call, "locate points", localizer, [settings, points, start] {
+    return optics::locate_points(settings, points, start);
+  });
 }
 
 /// The same by the outline itself, which needs a body of convex parts.
@@ -66,14 +71,9 @@ int locate_by_outline(const Call& call) {
   settings.object = body_option(call);
   const auto outline = outline_option(call);
   const optics::PoseStart start = start_at(how, localizer);
-  return calculate(
-      call, "locate outline",
-      [settings, outline, start](const YieldPoint&) {
-        return optics::locate_outline(settings, outline, start);
-      },
-      [offset = localizer.offset](Call& done, const optics::ObjectPose& pose) {
-        return push_pose(done, pose, offset);
-      });
+  return calculate_pose(call, "locate outline", localizer, [settings, outline, start] {
+    return optics::locate_outline(settings, outline, start);
+  });
 }
 
 /// By what is given: points with positions on the body need no body's shape, an ellipse does.

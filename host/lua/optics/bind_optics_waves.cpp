@@ -112,6 +112,16 @@ std::vector<ResultField> point_spread_fields() {
           {.name = "mtf_sagittal", .unit = "", .help = transfer, .optional = true}};
 }
 
+Argument frequency_option() {
+  return {.name = "frequency",
+          .type = Type::number,
+          .unit = "1/m",
+          .optional = true,
+          .min = 0,
+          .max = 1e9,
+          .help = "for mtf_tangential, mtf_sagittal"};
+}
+
 Binding point_spread_row() {
   const auto list = [](const char* name, const char* unit, const char* help) {
     return Argument{
@@ -137,13 +147,7 @@ Binding point_spread_row() {
                         .min = 1,
                         .max = 512,
                         .help = "of a side (48)"},
-                       {.name = "frequency",
-                        .type = Type::number,
-                        .unit = "1/m",
-                        .optional = true,
-                        .min = 0,
-                        .max = 1e9,
-                        .help = "for mtf_tangential, mtf_sagittal"}})},
+                       frequency_option()})},
           Returned("table", point_spread_fields()).or_nil("outside"),
           "the diffraction image of a point of the retina in light of several colors",
           point_spread,
@@ -182,13 +186,7 @@ std::vector<Binding> system_wave_rows() {
                          .type = Type::flag,
                          .optional = true,
                          .help = "the image is far away, as of an eye alone (false)"},
-                        {.name = "frequency",
-                         .type = Type::number,
-                         .unit = "1/m",
-                         .optional = true,
-                         .min = 0,
-                         .max = 1e9,
-                         .help = "for mtf_tangential, mtf_sagittal"}})},
+                        frequency_option()})},
            Returned("table",
                     std::vector<ResultField>{
                         {"rms", "m", "of the optical path differences"},
