@@ -2,7 +2,8 @@
 # program prints about itself (man page, completion, stubs for editors), so that none of these can differ from it.
 include(GNUInstallDirs)
 install(TARGETS vitreo vitreo_guardian RUNTIME)
-install(TARGETS vitreo_loopback LIBRARY DESTINATION lib/vitreo)
+# A folder below lib/vitreo: of a library right in it cpack believes that the system's loader is to know it (ldconfig).
+install(TARGETS vitreo_loopback LIBRARY DESTINATION lib/vitreo/preload)
 foreach(folder protocols scripts templates docs)
   install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_DATADIR}/vitreo)
 endforeach()
@@ -39,7 +40,8 @@ install(FILES ${VITREO_PRINTED}/luacheckrc ${VITREO_PRINTED}/api.md DESTINATION 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME vitreo)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
-set(CPACK_PACKAGE_CONTACT "Vitreo's developers <vitreo@localhost>")
+# There is no address to write to; of .invalid everyone knows it (RFC 2606).
+set(CPACK_PACKAGE_CONTACT "Vitreo's developers <developers@vitreo.invalid>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "instrument control for magnetic microrobots inside the eye")
 set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
 "A runtime for laboratories that steer magnetic microrobots inside the eye:

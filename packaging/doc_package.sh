@@ -28,7 +28,7 @@ cat > "$work/DEBIAN/control" <<END
 Package: vitreo-doc
 Version: $2
 Architecture: all
-Maintainer: Vitreo's developers <vitreo@localhost>
+Maintainer: Vitreo's developers <developers@vitreo.invalid>
 Section: doc
 Priority: optional
 Installed-Size: $(du -sk "$work/usr" | cut -f1)

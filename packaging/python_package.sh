@@ -14,7 +14,7 @@ cat > "$work/DEBIAN/control" <<END
 Package: python3-vitreo
 Version: $2
 Architecture: all
-Maintainer: Vitreo's developers <vitreo@localhost>
+Maintainer: Vitreo's developers <developers@vitreo.invalid>
 Section: python
 Priority: optional
 Installed-Size: $(du -sk "$work/usr" | cut -f1)

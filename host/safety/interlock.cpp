@@ -194,12 +194,13 @@ std::string Interlock::unmet() const {
   return "";
 }
 
-// `energized_` is set before the amplifier is commanded and cleared after it: an error in between
-// leaves the watch at work on coils that may carry current.
+// `energized_` is set before the amplifier is commanded, and the watch woken, and cleared after it: an
+// error in between leaves the watch at work on coils that may carry current.
 void Interlock::send(std::span<const double> currents) {
   warm_up();
   if (line_ && !is_zero(currents)) start_beat();
   energized_ = energized_ || !is_zero(currents);
+  if (energized_ && clock_ != nullptr) clock_->notify(energized_changed_);
   try {
     amplifier_.set_currents(currents);
   } catch (const DeviceError&) {
@@ -220,7 +221,6 @@ void Interlock::send(std::span<const double> currents) {
   if (clock_ == nullptr) return;
   sent_at_ = clock_->now();
   note_set(sent_at_);
-  if (energized_) clock_->notify(energized_changed_);
 }
 
 // Statistics for the record and the preflight's report: what was sent, not what was asked for.
@@ -268,7 +268,6 @@ void Interlock::make_safe() {
   if (clock_ != nullptr) {
     zeroed_at_ = clock_->now();
     note_set(zeroed_at_);
-    clock_->notify(energized_changed_);
   }
   if (failure) std::rethrow_exception(failure);
 }

@@ -23,22 +23,31 @@ function free.trim(servo, tolerance, speed)
   return servo:status().trim
 end
 
---- An operator brings it near the place, to `scatter` along each axis, not to it; `allowed(position)` says where it may be,
---- `speed` how fast it goes (hand_speed).
+-- Whether the loop goes there: false where the robot would come too near to a wall, by what is known of its depth now.
+local function within_reach(servo, place, options)
+  local good, problem = pcall(servo.follow, servo, { servo:position(), place }, options)
+  if not good and not tostring(problem):find("is out of reach", 1, true) then error(problem, 0) end
+  return good, problem
+end
+
+--- An operator brings it near the place, to `scatter` along each axis, not to it, and not where a wall is too near;
+--- `allowed(position)` says where it may be, `speed` how fast it goes (hand_speed).
 function free.bring(run, rig, servo, place, options)
   if not servo:status().position then -- it drifted out of sight: put it in anew
     servo:hold(center)
     rig.sample:insert_robot(center)
     servo:wait_until_tracked()
   end
-  local near
-  repeat
-    near = place.position + vector(statistics.normal(), statistics.normal(), statistics.normal()) * options.scatter
-  until not options.allowed or options.allowed(near)
-  servo:follow(
-    { servo:position(), near },
-    { speed = options.speed or free.hand_speed, acceleration = 10 * mm / s ^ 2, label = place.name }
-  )
+  local way = { speed = options.speed or free.hand_speed, acceleration = 10 * mm / s ^ 2, label = place.name }
+  local near, there, problem
+  for _ = 1, 20 do
+    repeat
+      near = place.position + vector(statistics.normal(), statistics.normal(), statistics.normal()) * options.scatter
+    until not options.allowed or options.allowed(near)
+    there, problem = within_reach(servo, near, way)
+    if there then break end
+  end
+  if not there then error(problem, 0) end
   run:wait(0.7 * s)
 end
 

@@ -1,5 +1,5 @@
-// Protocol that holds a current and a light, and says so: nothing is set again for a minute, so only
-// watches can notice anything.
+// Protocol that holds a current and a light, and says so: nothing is set again for a minute, so
+// only watches can notice anything.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/time/error.h"
 #include "host/safety/interlock.h"
+#include "tests/host/safety/remembering_amplifier.h"
 
 #include <gtest/gtest.h>
 
@@ -18,39 +19,6 @@ namespace vitreo {
 namespace {
 
 using Currents = std::vector<double>;
-
-/// Remembers what it was told; may lose its line.
-class RememberingAmplifier : public CoilAmplifier {
- public:
-  std::string identity() const override { return "remembering"; }
-  int channels() const override { return 3; }
-  double current_limit() const override { return 10; }
-  void set_currents(std::span<const double> currents) override {
-    told.emplace_back(currents.begin(), currents.end());
-    if (gone) throw DeviceError(DeviceErrorKind::lost, "coils", "is gone");
-    now = told.back();
-  }
-  std::optional<Currents> measured_currents() override { return std::nullopt; }
-  LinkState link_state() const override { return {}; }
-  Currents currents() const override { return shown.empty() ? now : shown; }
-  void make_safe() override {
-    if (gone) throw DeviceError(DeviceErrorKind::lost, "coils", "is gone");
-    told.emplace_back(3, 0.0);
-    now = told.back();
-    ++made_safe;
-  }
-  double most() const {
-    double largest = 0;
-    for (const Currents& one : told)
-      for (const double current : one) largest = std::max(largest, std::abs(current));
-    return largest;
-  }
-  std::vector<Currents> told;
-  Currents now{0, 0, 0};
-  Currents shown;  // what it claims; empty: what it does
-  bool gone = false;
-  int made_safe = 0;
-};
 
 InterlockLimits limits() {
   InterlockLimits limits{5, 12};
