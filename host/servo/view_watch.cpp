@@ -60,7 +60,7 @@ ViewChange ViewWatch::look(const cv::Mat& gray) const {
   }
   found.changed = points_.empty() ? 0 : others / static_cast<double>(points_.size());
   const double determinant = a * c - b * b;
-  if (!(determinant > 1e-9 * a * c) || !(a * c > 0)) {
+  if (!(determinant > 1e-9 * a * c)) {
     found.shift_sigma_px = 1e9;  // a scene without structure shows no shift
     return found;
   }

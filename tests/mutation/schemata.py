@@ -169,7 +169,21 @@ class Source:
         previous = self.tokens[self.solid(i, -1)]
         return (previous in (')', ']') or re.match(r"[\w\"']", previous) is not None) and \
             previous not in KEYWORDS and not self.tokens[self.solid(i, 1)].startswith('"') and \
-            not previous.endswith('"')
+            not previous.endswith('"') and not (previous == ')' and self.makes_text(i))
+
+    def makes_text(self, i):
+        """Whether what ends before token i is std::string(...), or a choice of texts: these have no
+        difference."""
+        depth = 0
+        j = self.solid(i, -1)
+        while j > 0:
+            depth += (self.tokens[j] == ')') - (self.tokens[j] == '(')
+            if depth == 0:
+                return self.tokens[j - 1] == 'string'
+            if depth == 1 and self.tokens[j].startswith('"'):
+                return True
+            j -= 1
+        return False
 
     def right_end(self, i):
         depth = 0

@@ -194,9 +194,29 @@ TEST(CurrentWatch, ASensorThatFallsSilentIsATrip) {
   EXPECT_NE(bench.why.find("the current sensor does not measure"), std::string::npos) << bench.why;
 }
 
+TEST(CurrentWatch, ASensorThatComesLaterKnowsWhatFlows) {
+  Bench bench(false, false);
+  bench.interlock.set_currents(Currents{1, 1.5, -1});
+  bench.clock->sleep_for(500ms);
+  bench.interlock.watch_by(bench.sensor, {});
+  bench.clock->sleep_for(500ms);
+  EXPECT_FALSE(bench.tripped) << bench.why;
+  bench.supplies.mishap = Mishap::zero;
+  bench.clock->sleep_for(200ms);
+  EXPECT_TRUE(bench.tripped);
+}
+
 TEST(CurrentWatch, ASensorOfACoilThatThereIsNotIsRefused) {
-  Bench bench(false, false, {0, 3});
-  EXPECT_THROW(bench.interlock.watch_by(bench.sensor, {}), std::invalid_argument);
+  for (const int coil : {3, -1}) {
+    Bench bench(false, false, {0, coil});
+    try {
+      bench.interlock.watch_by(bench.sensor, {});
+      FAIL() << coil;
+    } catch (const std::invalid_argument& error) {
+      EXPECT_EQ(error.what(), "current_sensor.coils: there is no coil " + std::to_string(coil + 1) +
+                                  ", only 1 to 3");
+    }
+  }
 }
 
 TEST(CoilRest, IsToldAfterEachStopAsItWasReadBack) {
@@ -233,6 +253,15 @@ TEST(CoilRest, OfASupplyThatDoesNotObeySaysWhatFlows) {
   bench.supplies.set = {0, 1.27, 0};  // as a foreign program would
   const std::string text = to_text(bench.interlock.read_rest(), "now");
   EXPECT_EQ(text.find("coils NOT at zero: coil 2 carries 1.2"), 0U) << text;
+}
+
+TEST(CoilRest, ByASensorIsOfEachOfItsCoils) {
+  Bench bench(false, true, {0, 2});
+  bench.interlock.set_currents(Currents{1.27, 0, 0});
+  bench.interlock.make_safe();
+  bench.supplies.set = {1.27, 0, 0};
+  const std::string text = to_text(bench.interlock.read_rest(), "now");
+  EXPECT_EQ(text.find("coils NOT at zero: coil 1 carries 1.2"), 0U) << text;
 }
 
 TEST(CoilRest, OfASupplyThatIsGoneIsNotKnown) {

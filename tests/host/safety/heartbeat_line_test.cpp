@@ -120,6 +120,10 @@ TEST_F(HeartbeatLineTest, BeatsAtItsRateFromBeforeTheFirstCurrent) {
 }
 
 TEST_F(HeartbeatLineTest, AZeroThatPassesDoesNotSwitchTheRelayAndALongOneDoes) {
+  clock->sleep_for(10s);
+  interlock->set_currents(kZero);
+  clock->sleep_for(1s);
+  EXPECT_TRUE(line.edges.empty()) << "a zero needs no relay";
   interlock->set_currents(kOne);
   interlock->set_currents(kZero);
   clock->sleep_for(1s);
@@ -263,6 +267,39 @@ TEST_F(HeartbeatLineTest, ALineThatIsGoneFromTheBeginningLetsNoCurrentFlow) {
   line.broken = true;
   EXPECT_THROW(interlock->set_currents(kOne), DeviceError);
   EXPECT_EQ(amplifier.set, kZero);
+}
+
+TEST_F(HeartbeatLineTest, RestsTwoSecondsAfterTheLastCurrentAndNoLonger) {
+  for (int trial = 0; trial < 5; ++trial) {
+    interlock->set_currents(kOne);
+    clock->sleep_for(1s + trial * 3ms);
+    interlock->set_currents(kZero);
+    clock->sleep_for(1940ms);
+    const std::size_t edges = line.edges.size();
+    clock->sleep_for(61ms);
+    EXPECT_LE(line.edges.size(), edges + 3);
+    const std::size_t last = line.edges.size();
+    clock->sleep_for(500ms);
+    EXPECT_EQ(line.edges.size(), last) << trial;
+  }
+}
+
+TEST_F(HeartbeatLineTest, ALinkThatHangsUpAtZeroIsNoTripThoughTheLineBeats) {
+  interlock->set_currents(kOne);
+  clock->sleep_for(200ms);
+  interlock->set_currents(kZero);
+  amplifier.links.hung_up = "channel 2";
+  clock->sleep_for(1s);
+  EXPECT_TRUE(trips.empty()) << trips.back();
+}
+
+TEST_F(HeartbeatLineTest, AStopPutsTheAmplifierToZeroThoughTheLineIsGoneAndSaysSo) {
+  interlock->set_currents(kOne);
+  clock->sleep_for(5ms);
+  line.broken = true;
+  EXPECT_THROW(interlock->make_safe(), DeviceError);
+  EXPECT_EQ(amplifier.set, kZero);
+  EXPECT_FALSE(interlock->energized());
 }
 
 TEST(HeartbeatSettings, AreRefusedWhereTheOneShotIsTooShortForTheRate) {

@@ -78,10 +78,13 @@ TEST_F(InterlockRulesTest, AnAmplifierThatIsGoneIsToldOnce) {
 
 TEST_F(InterlockRulesTest, ARestIsToldAlsoOfACurrentThatFlowedForNoTime) {
   set({1, 0, 0});
+  const Time zeroed = clock->now();
   interlock.make_safe();
+  interlock.make_safe();  // as a stop and the end of the run do
   wait(1);
   ASSERT_EQ(rests.size(), 1U);
   EXPECT_FALSE(rests[0].measured) << "no read-back";
+  EXPECT_EQ(rests[0].at, zeroed);
 }
 
 TEST_F(InterlockRulesTest, ARestIsReadUntilItIsOne) {
@@ -112,7 +115,7 @@ TEST_F(InterlockRulesTest, NoRestIsToldOfCoilsThatCarryACurrentAgain) {
   wait(0.1);
   interlock.enable();
   set({1, 0, 0});
-  wait(0.3);
+  wait(1);
   EXPECT_TRUE(rests.empty());
 }
 
@@ -137,7 +140,95 @@ TEST(InterlockWithoutAClock, ReadsItsRestOnceAndLimitsNoSlew) {
   interlock.make_safe();
   EXPECT_EQ(interlock.read_rest().measured, (Currents{0, 0.7, 0}));
   EXPECT_EQ(amplifier.asked, 1);
+  interlock.enable();
+  interlock.set_currents(Currents{1, 0, 0});
+  interlock.pause(PausePolicy::ramp);
+  EXPECT_EQ(amplifier.now, (Currents{0, 0, 0}));
   EXPECT_TRUE(interlock.temperatures().empty());
+  interlock.enable();
+  EXPECT_NO_THROW(interlock.near(Interlock::Nearness{"retina", 0.1e-3, 0.2e-3, 0.3e-3}));
+  amplifier.measure = []() -> Currents {
+    throw DeviceError(DeviceErrorKind::lost, "coils", "is gone");
+  };
+  EXPECT_NE(interlock.read_rest().failure.find("is gone"), std::string::npos);
+}
+
+TEST_F(InterlockRulesTest, ALimitThatWasComputedIsNotPassedByRounding) {
+  EXPECT_NO_THROW(set({5 * (1 + 1e-12), 0, 0}));
+  EXPECT_THROW(set({5 * (1 + 1e-6), 0, 0}), DeviceError);
+}
+
+TEST_F(InterlockRulesTest, WhatIsReachableIsTakenWhateverItIs) {
+  std::uint32_t random = 1;
+  const auto draw = [&random] {
+    random = random * 1664525U + 1013904223U;
+    return 8.0 * random / 4294967296.0 - 4;
+  };
+  for (int k = 0; k < 2000; ++k) {
+    wait(0.0071);
+    ASSERT_NO_THROW(set(interlock.reachable(Currents{draw(), draw(), draw()}))) << k;
+  }
+  EXPECT_EQ(interlock.reachable(Currents{1, 2}), (Currents{1, 2})) << "the amplifier refuses it";
+  EXPECT_THROW(set({1, 1, 1, 1}), std::invalid_argument);
+}
+
+TEST_F(InterlockRulesTest, ConditionsAreAskedByTheWatchWhileACurrentFlows) {
+  int asked = 0;
+  interlock.require("the pedal is released", [&] { return ++asked > 0; });
+  set({1, 0, 0});
+  EXPECT_EQ(asked, 1);
+  for (int k = 0; k < 100; ++k) {
+    wait(0.01);
+    set({1, 0, 0});
+  }
+  EXPECT_NEAR(asked, 21, 2);
+}
+
+TEST_F(InterlockRulesTest, AfterEnablingAStepMayFollowAtOnce) {
+  InterlockLimits slow = limits();
+  slow.slew = 3;
+  RememberingAmplifier own;
+  Interlock one(own, slow, clock.get());
+  one.set_currents(Currents{2.9, 0, 0});
+  one.make_safe();
+  one.enable();
+  EXPECT_NO_THROW(one.set_currents(Currents{2.9, 0, 0}));
+}
+
+TEST_F(InterlockRulesTest, AZeroPauseIsOneSetPointAndARampLeavesOffWhereItOpens) {
+  set({4, 0, 0});
+  std::size_t before = amplifier.told.size();
+  interlock.pause(PausePolicy::zero);
+  EXPECT_EQ(amplifier.told.size(), before + 1);
+  interlock.resume();
+  set({4, 0, 0});
+  before = amplifier.told.size();
+  interlock.pause(PausePolicy::ramp);
+  EXPECT_EQ(amplifier.told.size(), before + 26) << "25 steps of 20 ms, and the zero";
+  interlock.resume();
+  set({4, 0, 0});
+  const auto other = clock->spawn("operator", [this] {
+    wait(0.1);
+    interlock.make_safe();
+  });
+  const Time began = clock->now();
+  interlock.pause(PausePolicy::ramp);
+  EXPECT_LT(to_seconds(clock->now() - began), 0.13);
+}
+
+TEST_F(InterlockRulesTest, ACurrentThatComesBackThroughZeroIsNoContradiction) {
+  Time zeroed = -1s;
+  amplifier.measure = [&] {
+    return clock->now() - zeroed < 60ms ? Currents{0.5, 0, 0} : amplifier.now;
+  };
+  set({4, 0, 0});
+  wait(1);
+  interlock.make_safe();
+  zeroed = clock->now();
+  interlock.enable();
+  set({4, 0, 0});
+  wait(1);
+  EXPECT_TRUE(interlock.enabled()) << interlock.tripped();
 }
 
 TEST_F(InterlockRulesTest, AHeldCurrentIsAskedForTenTimesASecond) {
@@ -207,8 +298,14 @@ TEST_F(InterlockRulesTest, ARampTakesHalfASecondAtAnyTime) {
   wait(100);
   set({4, 0, 0});
   const Time began = clock->now();
+  const std::size_t before = amplifier.told.size();
   interlock.pause(PausePolicy::ramp);
   EXPECT_NEAR(to_seconds(clock->now() - began), 0.5, 0.021);
+  double last = 4;
+  for (std::size_t k = before; k < amplifier.told.size(); ++k) {
+    EXPECT_LT(last - amplifier.told[k][0], 0.25) << "no step";
+    last = amplifier.told[k][0];
+  }
 }
 
 TEST_F(InterlockRulesTest, AfterARestTheSlewCountsFromASecondAgo) {
@@ -216,10 +313,19 @@ TEST_F(InterlockRulesTest, AfterARestTheSlewCountsFromASecondAgo) {
   slow.slew = 3;
   RememberingAmplifier own;
   Interlock one(own, slow, clock.get());
-  EXPECT_NO_THROW(one.set_currents(Currents{2.9, 0, 0}));
+  EXPECT_NO_THROW(one.set_currents(Currents{3, 0, 0})) << "the limit itself";
   one.make_safe();
   one.enable();
   EXPECT_THROW(one.set_currents(Currents{3.1, 0, 0}), DeviceError);
+}
+
+TEST_F(InterlockRulesTest, AResumeNamesTheCoilThatCarriesACurrent) {
+  set({1, 0, 0});
+  interlock.pause(PausePolicy::zero);
+  amplifier.shown = {0, -0.2, 0};
+  EXPECT_NE(
+      refusal([this] { interlock.resume(); }).find("coil 2 carries -0.2 A after a pause at zero"),
+      std::string::npos);
 }
 
 TEST(InterlockLimitsOfLessThanOne, ArePossible) {

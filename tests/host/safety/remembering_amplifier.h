@@ -10,6 +10,7 @@
 #include <functional>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,7 @@ class RememberingAmplifier : public CoilAmplifier {
   int channels() const override { return 3; }
   double current_limit() const override { return 10; }
   void set_currents(std::span<const double> currents) override {
+    if (currents.size() != 3) throw std::invalid_argument("wants 3 currents");
     told.emplace_back(currents.begin(), currents.end());
     if (gone) throw DeviceError(DeviceErrorKind::lost, "coils", "is gone");
     now = told.back();

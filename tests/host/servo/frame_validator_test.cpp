@@ -224,6 +224,34 @@ TEST_F(FrameValidatorTest, OnlyWhatIsTheSameToTheLastBitStandsStill) {
   EXPECT_TRUE(refused(part(-1, 0)));
 }
 
+// Each begins as the one before does, and is larger, or of more channels, or there is none.
+TEST_F(FrameValidatorTest, APictureThatBeginsAsTheLastOneIsAnother) {
+  for (const cv::Mat& picture :
+       {cv::Mat(2, 3, CV_8UC1, cv::Scalar(7)), cv::Mat(4, 3, CV_8UC1, cv::Scalar(7)),
+        cv::Mat(8, 3, CV_8UC1, cv::Scalar(7)), cv::Mat(8, 9, CV_8UC1, cv::Scalar(7))})
+    EXPECT_FALSE(refused(picture));
+  for (const int channels : {1, 2, 3, 4})
+    EXPECT_FALSE(refused(cv::Mat(5, 5, CV_8UC(channels), cv::Scalar::all(7))));
+  for (int k = 0; k < 3; ++k) EXPECT_FALSE(refused(cv::Mat())) << "nothing is nothing's equal";
+}
+
+TEST_F(FrameValidatorTest, PicturesThatDifferInTheirFirstRowAloneAreNoRepetition) {
+  for (int k = 0; k < 40; ++k) {
+    cv::Mat picture(4, 6, CV_8UC1, cv::Scalar(7));
+    picture.row(0).setTo(k);
+    EXPECT_FALSE(refused(picture)) << k;
+  }
+}
+
+TEST_F(FrameValidatorTest, OneFrameThatWasPassedOverIsReported) {
+  clock_->sleep_for(std::chrono::seconds(10));
+  EXPECT_TRUE(validator_.plausible({{}, 1, clock_->now(), clock_->now()}));
+  EXPECT_FALSE(validator_.plausible({{}, 2, std::chrono::seconds(9), clock_->now()}));
+  validator_.report_count();
+  EXPECT_EQ(recorder_.events().back().text,
+            "top_camera: 1 frames were passed over for their time stamps");
+}
+
 TEST(ArrivalDelay, IsHeldAgainstTheLeastOfTheLastTenToTwentySeconds) {
   using namespace std::chrono_literals;
   ArrivalDelay delay;

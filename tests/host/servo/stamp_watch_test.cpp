@@ -42,7 +42,7 @@ TEST(StampWatch, TellsALeapOfTheClockAtTheFirstFrame) {
 TEST(StampWatch, TellsThatAFrameIsOfTheFuture) {
   Camera camera;
   camera.run(3);
-  EXPECT_NE(camera.next(82ms).find("2 ms in the future"), std::string::npos);
+  EXPECT_NE(camera.next(82ms).find("are 2 ms in the future"), std::string::npos);
   EXPECT_EQ(camera.next(), "") << "the next one is judged by itself";
 }
 

@@ -68,6 +68,13 @@ TEST_F(AlarmsTest, ThatComeAgainAndAgainWithTheSameWordsAreOneEvent) {
   EXPECT_EQ(alarms.shown()[0].times, 100);
 }
 
+TEST_F(AlarmsTest, TheSameWordsMoreUrgentlyAreNews) {
+  alarms.raise("coils", AlarmPriority::low, "70 degC");
+  alarms.raise("coils", AlarmPriority::high, "70 degC");
+  EXPECT_EQ(said(), (std::vector<std::string>{"alarm: low: coils: 70 degC",
+                                              "alarm: high: coils: 70 degC"}));
+}
+
 TEST_F(AlarmsTest, AnUnknownOneCannotBeAcknowledged) {
   alarms.raise("disk", AlarmPriority::low, "full");
   try {
