@@ -56,12 +56,15 @@ void add_check(CommandLine& line, Program& program) {
   command.option("--out", wanted->request.where.out,
                  "folder in which the run's would be (default: runs)");
   command.option("--frames", wanted->request.what.frames, "cameras whose frames would be recorded")
+      .one_word_each()
       .delimiter(',');
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
   command.option("arguments", wanted->request.what.arguments,
                  "name=value, with units: speed=0.5mm/s");
-  command.option("--answer", wanted->request.what.answers,
-                 "answers a question of the script: name=value, or value");
+  command
+      .option("--answer", wanted->request.what.answers,
+              "answers a question of the script: name=value, or value")
+      .one_word_each();
   command.seconds("--limit", wanted->limit, "wall time for the dry run (default: 10s)");
   command.flag("--json", wanted->json, "one JSON object, SI units");
   command.examples({"vitreo check servo_square speed=0.5mm/s"});

@@ -93,6 +93,25 @@ void show_instruments(const nlohmann::json& status) {
   }
 }
 
+/// The script acts upon it at its next turn, and an instrument is read at the panel's: the status
+/// is asked for again until it says something else, for 300 ms at most.
+nlohmann::json settled(const Control& wanted, nlohmann::json reply) {
+  static const std::vector<std::string> kActs = {"resume", "answer", "adjust"};
+  if (std::find(kActs.begin(), kActs.end(), wanted.word) == kActs.end()) return reply;
+  const nlohmann::json before = reply["status"];
+  const auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(300);
+  while (std::chrono::steady_clock::now() < until) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    reply = control_run(wanted.run, {{"do", "status"}});
+    const bool instruments = wanted.word == "adjust";
+    const char* const what = instruments ? "instruments" : "text";
+    if (!reply["ok"] ||
+        reply["status"].value(what, nlohmann::json()) != before.value(what, nlohmann::json()))
+      break;
+  }
+  return reply;
+}
+
 /// The request in the socket's own JSON: {"do": word, ...}; refused here where a slip can be named.
 /// A misspelt word is named here with a suggestion; all that depends on the run, such as whether a
 /// question is open or a checkpoint exists, is for the run to judge. Its refusal is exit code 2.
@@ -117,11 +136,7 @@ int control(const Control& wanted) {
   // name is a courtesy, not a proof.
   request["by"] = wanted.by.empty() ? account_name() : wanted.by;
   nlohmann::json reply = control_run(wanted.run, request);
-  // The run's own task reads them; what it found is in the status a moment later.
-  if (wanted.word == "adjust" && reply["ok"]) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
-    reply = control_run(wanted.run, {{"do", "status"}});
-  }
+  if (reply["ok"]) reply = settled(wanted, std::move(reply));
   if (wanted.json)
     std::cout << reply.dump() << "\n";
   else if (reply["ok"] && wanted.word == "adjust")

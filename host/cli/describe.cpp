@@ -26,8 +26,8 @@ std::string argument_example(const ProtocolDescription& protocol) {
   return " " + p.name + "=" + value;
 }
 
-void describe(const ProtocolDescription& protocol, bool json) {
-  std::cout << (json ? dumped(to_json(protocol)) + "\n" : describe_text(protocol));
+void describe(const ProtocolDescription& protocol, const std::string& word, bool json) {
+  std::cout << (json ? dumped(to_json(protocol)) + "\n" : describe_text(protocol, word));
 }
 
 /// A protocol that does not load is listed with its error.
@@ -61,9 +61,9 @@ void list(ScriptEngine& engine, bool json) {
 
 }  // namespace
 
-std::string describe_text(const ProtocolDescription& protocol) {
+std::string describe_text(const ProtocolDescription& protocol, const std::string& word) {
   return protocol_text(protocol) +
-         fmt::format("for instance: vitreo run {}{}\n", protocol.name, argument_example(protocol));
+         fmt::format("for instance: vitreo run {}{}\n", word, argument_example(protocol));
 }
 
 void add_describe(CommandLine& line, Program& program) {
@@ -78,7 +78,8 @@ void add_describe(CommandLine& line, Program& program) {
   all.flag("--json", wanted->json, "as JSON");
   Command one = line.command(
       "describe", "what a protocol does and which parameters it takes", [&program, wanted] {
-        describe(program.engine().describe(Program::protocol_file(wanted->protocol)), wanted->json);
+        describe(program.engine().describe(Program::protocol_file(wanted->protocol)),
+                 wanted->protocol, wanted->json);
         return 0;
       });
   one.option("protocol", wanted->protocol, "a protocol's file or name").required();

@@ -143,8 +143,8 @@ class Follower {
     const std::vector<vision::LabeledImage> one{{image, mask}};
     vision::ColorTrackerSettings settings;
     settings.confirm_frames = 1;  // pictures are no sequence: no second one can agree
-    tracker_ = std::make_unique<vision::ColorTracker>(vision::ObjectModel::train(one, {}, {}),
-                                                      settings);
+    tracker_ =
+        std::make_unique<vision::ColorTracker>(vision::ObjectModel::train(one, {}, {}), settings);
   }
   std::optional<vision::Ellipse> find(const cv::Mat& image) {
     tracker_->reset();  // pictures are no sequence

@@ -67,7 +67,8 @@ std::string file_or_name(const std::string& given, const std::string& folder,
   if (fs::exists(by_name)) return by_name;
   std::vector<std::string> names;
   for (const std::string& file : lua_files(folder)) names.push_back(fs::path(file).stem().string());
-  const std::string near = nearest(given, names);
+  // One that stands beside is given with its ending: a name alone is of the installed ones.
+  const std::string near = fs::exists(given + ".lua") ? given + ".lua" : nearest(given, names);
   throw ConfigError("there is no " + kind + " '" + given + "', and no file of that name" +
                     (near.empty() ? read_on : "; did you mean " + near + "?"));
 }
@@ -147,6 +148,7 @@ void add_run_options(Command& command, RunOptions& options) {
               "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth), "
               "top_camera@96 (a window of\n"
               "96 px about the robot), top_camera~10 (only 10 s around events)")
+      .one_word_each()
       .delimiter(',');
 }
 

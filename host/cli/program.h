@@ -87,7 +87,8 @@ void add_docs(CommandLine& line, Program& program);
 void add_new(CommandLine& line, Program& program);
 
 /// The text of `vitreo describe`.
-std::string describe_text(const ProtocolDescription& protocol);
+/// `word`: the protocol as it was typed.
+std::string describe_text(const ProtocolDescription& protocol, const std::string& word);
 /// The pages of `vitreo docs`.
 std::vector<std::string> page_names();
 /// The program's exit codes, one a line.

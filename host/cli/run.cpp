@@ -183,9 +183,10 @@ void add_arguments(Command& command, Program& program, const std::shared_ptr<Run
                  "name=value, with units: speed=0.5mm/s");
   command.flag("--json", wanted->json,
                "one JSON object on the standard output at the end, SI units");
-  command.option(
-      "--answer", wanted->request.what.answers,
-      "answers a question of the script in advance: name=value, or value in their order");
+  command
+      .option("--answer", wanted->request.what.answers,
+              "answers a question of the script in advance: name=value, or value in their order")
+      .one_word_each();
   command.option(
       "--override", wanted->request.how.override_reason,
       "run although the preflight fails, and why (a researcher's right; it is recorded)");
@@ -194,7 +195,8 @@ void add_arguments(Command& command, Program& program, const std::shared_ptr<Run
                "also what was chosen, and every event of the record");
   command.help_about_word([&program, wanted] {
     fmt::print("{}\noptions: vitreo run --help\n",
-               describe_text(program.engine().describe(Program::protocol_file(wanted->protocol))));
+               describe_text(program.engine().describe(Program::protocol_file(wanted->protocol)),
+                             wanted->protocol));
   });
 }
 

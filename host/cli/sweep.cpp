@@ -327,6 +327,7 @@ void add_run_words(Command& command, SweepWords& wanted) {
   command
       .option("--frames", wanted.request.what.frames,
               "cameras whose frames are recorded, as in run")
+      .one_word_each()
       .delimiter(',');
   command.option("--show", wanted.shown,
                  "the result that the report begins with (default: the first that is stated)");

@@ -72,7 +72,8 @@ void add_test(CommandLine& line, Program& program) {
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
   command.option("arguments", wanted->request.what.arguments,
                  "of a protocol that lists no tests: name=value");
-  command.option("--answer", wanted->request.what.answers, "answers to its questions: name=value");
+  command.option("--answer", wanted->request.what.answers, "answers to its questions: name=value")
+      .one_word_each();
   command.option("--stops", wanted->stops, "so many moments instead (default: 100)")
       .between(1, 100000);
   command.flag("--json", wanted->json,

@@ -156,6 +156,9 @@ class DryRun {
                               [&] { return twin_.open_rig().make_safe(); }});
       // A rig with real instruments has no truth, so its script must do without in the dry run too.
       if (!has_real_instruments(checked_.rig)) keep_truth(session);
+      if (rig.coils != nullptr)
+        if (auto warmth = observe_coil_temperatures(*clock_, *rig.coils, recorder_))
+          session.keep(std::move(warmth));
       if (rig.side_camera != nullptr)
         session.keep(simulate_side(*clock_, *twin_.open_rig().laboratory(),
                                    rig.side_camera->info().frame_period, recorder_));

@@ -144,8 +144,8 @@ function chain.report(run, made)
   if #made.unobserved > 0 then run:note("not observed: " .. table.concat(made.unobserved, ", ")) end
 end
 
---- Places in the workspace, evenly: `count` of a spiral from near the retina to `height` over it, within `reach` of the axis.
---- World frame.
+--- Places in the workspace, evenly: `count` of a spiral within `reach` of the axis, from `low` to `high`, which are heights
+--- over the retina. A list of positions in the world frame.
 function chain.places(rig, count, reach, low, high)
   local eye, places = rig:model().eye_in_world, {}
   for i = 1, count do

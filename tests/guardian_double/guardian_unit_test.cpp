@@ -110,6 +110,7 @@ TEST_F(GuardianUnit, ThatCannotGuardAnOutputIsRefusedInItsWords) {
               std::string::npos)
         << error.what();
   }
+  EXPECT_EQ(::waitpid(-1, nullptr, WNOHANG), -1) << "it is left behind";
 }
 
 TEST_F(GuardianUnit, ThatDoesNotGetReadyIsWaitedForFiveSecondsAndNotStarted) {
@@ -242,6 +243,32 @@ TEST_F(GuardianUnit, ThatIsFrozenForAMomentIsNotLost) {
   EXPECT_NO_THROW(guardian->arm("coils"));
   ::kill(guardian->process(), SIGCONT);
   EXPECT_TRUE(hears("b", 3)) << "what was said meanwhile is not lost";
+}
+
+// The kernel keeps some hundred messages for it; then none is taken, and no current without it.
+TEST_F(GuardianUnit, ThatIsFrozenForLongTakesNoMoreAndIsThereAgainAfterwards) {
+  const auto guardian = make();
+  ::kill(guardian->process(), SIGSTOP);
+  const auto arms = [&] {
+    try {
+      guardian->arm("coils");
+    } catch (const DeviceError& error) {
+      EXPECT_EQ(error.kind, DeviceErrorKind::lost);
+      return false;
+    }
+    guardian->disarm("coils");
+    return true;
+  };
+  bool taken = true;
+  for (const auto until = Steady::now() + 30s; taken && Steady::now() < until;) taken = arms();
+  EXPECT_FALSE(taken);
+  EXPECT_FALSE(guardian->lost()) << "it is slow, not gone";
+  ::kill(guardian->process(), SIGCONT);
+  for (const auto until = Steady::now() + 5s; !taken && Steady::now() < until;) {
+    std::this_thread::sleep_for(1ms);
+    taken = arms();
+  }
+  EXPECT_TRUE(taken);
 }
 
 /// Looks, at each set-point, at what the guardian has heard by then.

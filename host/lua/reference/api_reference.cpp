@@ -109,7 +109,11 @@ std::string units_reference() {
     if (const std::string name = unit_name(unit.symbol); !name.empty())
       text += fmt::format("| `units.{}` | {} | {} | {:g} {} |\n", name, unit.symbol, unit.quantity,
                           unit.factor, unit.dimension);
-  return text;
+  return text +
+         "\nTemperatures are in K in scripts; a parameter of the unit `degC` is typed as "
+         "`warmest=22degC`, its `default`, `min` and `max` are in K (`default = 295.15`), and so "
+         "is "
+         "what the script gets.\n";
 }
 
 std::string scripts_reference(const std::vector<ScriptModule>& modules) {
@@ -122,8 +126,7 @@ std::string scripts_reference(const std::vector<ScriptModule>& modules) {
       text += "\n```lua\nlocal " + module.table + " = require \"" + module.name + "\"\n```\n";
     if (!module.functions.empty()) text += "\n| call | |\n|---|---|\n";
     for (const ScriptFunction& function : module.functions)
-      text += fmt::format("| `{}({})` | {} |\n", function.name, function.arguments,
-                          cell(function.text));
+      text += fmt::format("| `{}` | {} |\n", title_of(function), cell(description_of(function)));
   }
   return text;
 }

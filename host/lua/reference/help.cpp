@@ -5,6 +5,7 @@
 #include "host/lua/interpreter/state.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/reference/reference.h"
+#include "host/lua/reference/script_library.h"
 #include "host/lua/run/classes.h"
 #include "host/lua/script/protocol_files.h"
 #include "host/lua/script/reading.h"
@@ -58,6 +59,25 @@ std::string value_help(lua_State* L, int index) {
   return kind_of(L, index) + ": " + pretty(L, index) + "\n";
 }
 
+/// Of a module in scripts/ ("session.preparation") or of one of its functions ("bring.trim"), from
+/// the comments of its source; empty where there is none.
+std::string script_help(const Context& context, const std::string& word) {
+  std::string text;
+  for (const std::string& folder : context.folders) {
+    if (std::filesystem::path(folder).filename() != "scripts") continue;
+    for (const ScriptModule& module : script_modules(folder)) {
+      const bool whole = module.name == word;
+      if (whole) text += "require \"" + module.name + "\"\n  " + module.purpose + "\n";
+      for (const ScriptFunction& function : module.functions) {
+        if (!whole && function.name != word) continue;
+        text += title_of(function) + "\n  " + description_of(function) + "\n";
+        if (!whole) text += "  of the module " + module.name + "\n";
+      }
+    }
+  }
+  return text;
+}
+
 /// First the names that have no row, then Lua's own functions, of which its manual tells, then
 /// protocols; the rows last.
 std::string words_help(lua_State* L, const std::string& word) {
@@ -91,8 +111,12 @@ std::string words_help(lua_State* L, const std::string& word) {
     std::string topic = topic_help(*context.library, word);
     for (const std::string& name : protocol_names(context))
       if (name.find(word) != std::string::npos) topic += "  protocol " + name + "\n";
+    if (topic.empty())
+      topic = script_help(context, word);
+    else
+      topic = "about " + word + ":\n" + topic;
     if (topic.empty()) throw;
-    return "about " + word + ":\n" + topic;
+    return topic;
   }
 }
 

@@ -4,6 +4,7 @@
 #include "host/lua/interpreter/state.h"
 
 #include <algorithm>
+#include <regex>
 #include <sstream>
 #include <string_view>
 
@@ -36,6 +37,20 @@ ScriptFunction read_function(std::string head, std::istream& in) {
   return function;
 }
 
+/// Of a line of the body: "options.within or 400 * um" is the field `within`.
+void add_options(ScriptFunction& function, const std::string& line) {
+  static const std::regex read(R"(\boptions\.([A-Za-z_]\w*)(?:\s+or\s+([^,(){}]*[^,(){}\s]))?)");
+  for (std::sregex_iterator at(line.begin(), line.end(), read), end; at != end; ++at) {
+    const std::string name = (*at)[1], otherwise = (*at)[2];
+    const auto known = std::find_if(
+        function.options.begin(), function.options.end(),
+        [&](const std::string& one) { return one == name || one.starts_with(name + " ("); });
+    if (known != function.options.end()) continue;
+    const bool shown = !otherwise.empty() && otherwise.find(" then") == std::string::npos;
+    function.options.push_back(shown ? name + " (" + otherwise + ")" : name);
+  }
+}
+
 bool is_name(std::string_view word) {
   return !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
     return std::isalnum(c) != 0 || c == '_';
@@ -57,8 +72,11 @@ ScriptModule read_script_module(const std::string& name, const std::string& sour
   ScriptModule module{name, "", "", {}};
   std::istringstream in(source);
   std::string comment;
-  bool head = true;
+  bool head = true, body = false;
   for (std::string line; std::getline(in, line);) {
+    body = body && !line.starts_with("end");
+    if (body && module.functions.back().arguments.ends_with("options"))
+      add_options(module.functions.back(), line);
     head = head && line.starts_with("--") && line.find("SPDX") == std::string::npos;
     if (head) add_comment(module.purpose, line, "--");
     if (line.starts_with("---")) {
@@ -68,12 +86,25 @@ ScriptModule read_script_module(const std::string& name, const std::string& sour
     if (line.starts_with(kFunction)) {
       module.functions.push_back(read_function(line, in));
       module.functions.back().text = comment;
+      body = true;
     }
     if (line.starts_with(kReturn) && is_name(std::string_view(line).substr(kReturn.size())))
       module.table = line.substr(kReturn.size());
     comment.clear();
   }
   return module;
+}
+
+std::string title_of(const ScriptFunction& function) {
+  return function.name + "(" + function.arguments + ")";
+}
+
+std::string description_of(const ScriptFunction& function) {
+  if (function.options.empty()) return function.text;
+  std::string text = function.text + (function.text.empty() ? "Options: " : " Options: ");
+  for (std::size_t i = 0; i < function.options.size(); ++i)
+    text += (i == 0 ? "" : ", ") + function.options[i];
+  return text + ".";
 }
 
 std::vector<ScriptModule> script_modules(const std::filesystem::path& folder) {

@@ -14,7 +14,15 @@ struct ScriptFunction {
   std::string name;       // as the source has it: "statistics.mean", "book:number"
   std::string arguments;  // "run, options"
   std::string text;       // of the lines with --- above it; "" without
+  /// Fields of its last argument `options` that its body reads, each with what it takes without, as
+  /// the source has it: "within (400 * um)", "width".
+  std::vector<std::string> options;
 };
+
+/// "bring.trim(servo, center, options)", as help and reference show it.
+std::string title_of(const ScriptFunction& function);
+/// Its comment, and its options.
+std::string description_of(const ScriptFunction& function);
 
 struct ScriptModule {
   std::string name;     // for require: "analysis.statistics"

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/rig/bind_rig.h"
 
+#include "devices/time/error.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/tables.h"
@@ -96,15 +97,28 @@ int camera_grab(Call& call) {
   Camera* const camera = &call.self<Camera>();
   const std::uint64_t last = call.context().last_frames[camera];
   const Time timeout = from_seconds(call.number_option("timeout").value_or(5));
+  const auto after = call.number_option("after");
+  Clock* const clock = &session_of(call.L).clock;
+  const auto grab = [=] {
+    const Time began = clock->now();
+    for (;;) {
+      *frame = camera->grab(timeout);
+      if (!after || frame->exposed >= from_seconds(*after)) return;
+      if (clock->now() - began < timeout) continue;
+      throw DeviceError(DeviceErrorKind::timeout, camera->info().identity,
+                        fmt::format("no frame was exposed after {:g} s within {:g} s", *after,
+                                    to_seconds(timeout)));
+    }
+  };
   // The camera keeps the time itself and says more; ours is only there should it hang.
-  return call.wait(work(
-      call, camera->info().identity, [=] { *frame = camera->grab(timeout); }, 2 * timeout,
-      [frame, camera](Call& done) {
-        done.context().last_frames[camera] = frame->number;
-        return push_frame(done, *frame);
-      },
-      {last == 0 ? "a frame" : "a frame after number " + std::to_string(last),
-       [last] { return last == 0 ? "no frame yet" : "frame " + std::to_string(last); }}));
+  return call.wait(
+      work(call, camera->info().identity, grab, 2 * timeout,
+           [frame, camera](Call& done) {
+             done.context().last_frames[camera] = frame->number;
+             return push_frame(done, *frame);
+           },
+           {last == 0 ? "a frame" : "a frame after number " + std::to_string(last),
+            [last] { return last == 0 ? "no frame yet" : "frame " + std::to_string(last); }}));
 }
 
 /// s, for which the currents of a script stand where it says nothing else.
@@ -376,7 +390,15 @@ const Class& camera_class() {
         camera_info,
         "rig.top_camera:info()"},
        {"grab",
-        {options_of({timeout("5 s")})},
+        {options_of({{.name = "after",
+                      .type = Type::number,
+                      .unit = "s",
+                      .optional = true,
+                      .min = 0,
+                      .max = 1e9,
+                      .help = "of the run: only a frame whose exposure is of then or later; "
+                              "run:now() after something has moved (none)"},
+                     timeout("5 s")})},
         {"table",
          {{"image", "", "image"},
           {"number", "", "of the frame"},
@@ -384,9 +406,10 @@ const Class& camera_class() {
           {"received", "s", ""},
           {"width_px", "", ""},
           {"height_px", "", ""}}},
-        "waits for the next frame",
+        "waits for the next frame that arrives: its exposure may lie before the call, by the "
+        "camera's delay",
         camera_grab,
-        "rig.top_camera:grab()"},
+        "rig.top_camera:grab { after = run:now() }"},
        {"feature",
         {{.name = "name", .type = Type::text, .help = "GenICam's: \"Gain\""}},
         "any",

@@ -66,7 +66,8 @@ int pause_here(Call& call, const std::string& name) {
   }
   session.control.set_phase(RunPhase::paused, name);
   session.recorder.event(session.clock.now(), "paused", name);
-  session.listener.message("paused at the checkpoint '" + name + "'");
+  session.listener.message("paused at the checkpoint '" + name +
+                           "' (go on: vitreo control resume)");
   if (session.rig.coils != nullptr) session.rig.coils->pause(session.rig.coil_pause);
   return call.wait(wait_for_people(
       call, "resume", [&session] { return session.control.resumed(); },
