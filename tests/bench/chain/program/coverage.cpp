@@ -2,7 +2,7 @@
 // tracer of its own (true_bench.h): uncalibrated, calibrated by one look, and by whole sessions.
 // Figures beside the floors of the study in docs/chain.md.
 //   chain_coverage [benches] [places] [frames] [first seed] [1: a line for each bench, 2: and for
-//   each place, which join_coverage.py joins over calls] [parts: "woei"]
+//   each place, which join_coverage.py joins over calls] [parts: "woei"] [seconds]
 // Parts: w wrong ellipses, o one look, e ex vivo, i in the eye.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/calibration/camera_calibration.h"
@@ -100,8 +100,13 @@ struct Scale {
   int places;
   int frames;
   std::uint64_t first;
-  bool each;  // prints a line for each bench
-  bool rows;  // prints a line for each place, for join_coverage.py
+  bool each;       // prints a line for each bench
+  bool rows;       // prints a line for each place, for join_coverage.py
+  double seconds;  // after so many no new bench is begun
+  std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
+  bool over() const {
+    return std::chrono::steady_clock::now() - begin > std::chrono::duration<double>(seconds);
+  }
 };
 
 /// One place as a line, um: what join_coverage.py joins over several calls of this program.
@@ -201,7 +206,7 @@ void one_look(const NominalChain& nominal, const ChainSigmas& sigmas, const Scal
   believed.exact.emplace(nominal.prescription.system, nominal.microscope, 8e-3);
   const std::string uncalibrated = std::string(name) + ", uncalibrated";
   const std::string one = std::string(name) + ", one look";
-  for (int k = 0; k < scale.benches; ++k) {
+  for (int k = 0; k < scale.benches && !scale.over(); ++k) {
     const std::uint64_t seed = scale.first + static_cast<std::uint64_t>(k);
     const TrueBench truth(nominal, sigmas, seed);
     std::mt19937_64 random(1000 + seed);
@@ -234,7 +239,7 @@ void session(const NominalChain& nominal, const Scale& scale, const char* name, 
   Tally tally;
   const ChainSigmas sigmas;
   int twins = 0;
-  for (int k = 0; k < scale.benches; ++k) {
+  for (int k = 0; k < scale.benches && !scale.over(); ++k) {
     const std::uint64_t seed = scale.first + static_cast<std::uint64_t>(k);
     const TrueBench truth(nominal, sigmas, seed);
     std::mt19937_64 random(2000 + seed);
@@ -363,15 +368,22 @@ int main(int count, char** arguments) {
   const auto number = [&](int i, int otherwise) {
     return count > i ? std::atoi(arguments[i]) : otherwise;
   };
-  const Scale scale{number(1, 10),     number(2, 25),
-                    number(3, 150),    static_cast<std::uint64_t>(number(4, 1)),
-                    number(5, 0) != 0, number(5, 0) == 2};
+  const Scale scale{number(1, 10),
+                    number(2, 25),
+                    number(3, 150),
+                    static_cast<std::uint64_t>(number(4, 1)),
+                    number(5, 0) != 0,
+                    number(5, 0) == 2,
+                    static_cast<double>(number(7, 86400))};
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // what a call that is ended has printed counts
   const std::string parts = count > 6 ? arguments[6] : "woei";
   const auto wanted = [&](char part) { return parts.find(part) != std::string::npos; };
   NominalChain nominal;
   nominal.prescription = prescription("model_eye_5_3");
-  time_one(nominal);
-  compare_programs(nominal, scale);
+  if (!scale.rows) {  // once is enough where many calls are joined
+    time_one(nominal);
+    compare_programs(nominal, scale);
+  }
   if (wanted('w')) wrong_ellipses(nominal, 20 * scale.benches, scale.first);
   if (wanted('o')) {
     one_look(nominal, {}, scale, "whole bench off");

@@ -2,8 +2,8 @@
 // frames of flight leave of the height's calibration part and whether the truth is in the stated
 // interval, how often a bench that stays is called changed, and after how many frames a changed
 // one is found, beside the noncentrality that linear theory gives.
-//   chain_self_calibration [benches] [frames] [first seed] [parts: "gc"] [frames before a change]
-// Parts: g goals and false alarms, c changes.
+//   chain_self_calibration [benches] [frames] [first seed] [parts: "grc"] [frames before a change]
+// Parts: g goals and false alarms, r the recursive form against whole sessions, c changes.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/chain/chain_planner.h"
 #include "optics/chain/chain_refiner.h"
@@ -41,7 +41,11 @@ struct Run {
   int offered = 0;
 
   Run(const NominalChain& nominal, const TrueBench& truth, std::uint64_t seed)
-      : random(seed), refiner(estimate_chain(nominal, {}, landing_session(truth, random)).belief) {}
+      : random(seed), refiner(landed(nominal, landing_session(truth, random))) {}
+  static ChainRefiner landed(const NominalChain& nominal, const ChainSession& session) {
+    const ChainEstimate made = estimate_chain(nominal, {}, session);
+    return {made.belief, {}, {session.looks, made.places}};
+  }
 
   RefinerOutcome fly(const TrueBench& truth) {
     const ChainLook look = flight_look(truth, random);
@@ -133,6 +137,53 @@ void goals(const NominalChain& nominal, int benches, int frames, std::uint64_t f
       alarms, benches, at_part(evidence, 1), twins,
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
   std::fflush(stdout);
+}
+
+/// From the same landings and frames: what the recursive form leaves of the height's calibration
+/// part, the estimator of whole sessions, and that with the landings linearized at their own
+/// solution; all from one start.
+void recursive_form(const NominalChain& nominal, int benches, int frames, std::uint64_t first) {
+  const auto height = [](const ViewingChain& chain, const Eigen::MatrixXd& covariance) {
+    return 1e6 * left_of({chain, covariance}, PlanGoal::height);
+  };
+  for (int k = 0; k < benches; ++k) {
+    const std::uint64_t seed = first + static_cast<std::uint64_t>(k);
+    const TrueBench truth(nominal, {}, seed);
+    std::mt19937_64 random(seed);
+    ChainSession session = landing_session(truth, random);
+    const std::size_t landings = session.looks.size();
+    const ChainEstimate landed = estimate_chain(nominal, {}, session, {.starts = 1});
+    ChainRefiner refiner(landed.belief, {}, {session.looks, landed.places});
+    for (double time = 0; refiner.frames() < static_cast<std::size_t>(frames) && time < 1e4;
+         time += kApart) {
+      const ChainLook look = flight_look(truth, random);
+      const auto near = locate_in_chain(refiner.belief().chain, look.seen, look.axis);
+      if (near && refiner.add(look.seen, look.axis, *near, time) == RefinerOutcome::taken)
+        session.looks.push_back(look);
+      refiner.work(15);
+    }
+    refiner.work(20 * frames);
+    const ChainEstimate whole = estimate_chain(nominal, {}, session, {.starts = 1});
+    ChainSession flights = session;
+    flights.looks.erase(flights.looks.begin(),
+                        flights.looks.begin() + static_cast<std::ptrdiff_t>(landings));
+    const std::vector<Eigen::Vector3d> places(
+        whole.places.begin() + static_cast<std::ptrdiff_t>(landings), whole.places.end());
+    const Eigen::MatrixXd of_flights = session_information(whole.belief.chain, flights, places);
+    const Eigen::MatrixXd at_landing = (landed.belief.covariance.inverse() + of_flights).inverse();
+    const Eigen::VectorXd apart = refiner.belief().chain.theta() - whole.belief.chain.theta();
+    std::printf(
+        "seed %d, %zu frames: landings %.0f, recursive %.0f (%zu explanations, landings counted "
+        "at whole's place: %.0f), whole %.0f, whole with the landings at their own solution %.0f "
+        "um; apart %.2f\n",
+        static_cast<int>(seed), refiner.frames(),
+        height(landed.belief.chain, landed.belief.covariance),
+        height(refiner.belief().chain, refiner.belief().covariance), refiner.explanations(),
+        height(whole.belief.chain, refiner.belief().covariance),
+        height(whole.belief.chain, whole.belief.covariance), height(whole.belief.chain, at_landing),
+        apart.dot(whole.belief.covariance.ldlt().solve(apart)));
+    std::fflush(stdout);
+  }
 }
 
 /// A change by hand. Of another bench there is no single step.
@@ -261,6 +312,7 @@ int main(int count, char** arguments) {
   NominalChain nominal;
   nominal.prescription = prescription("model_eye_5_3");
   if (parts.find('g') != std::string::npos) goals(nominal, benches, number(2, 300), first);
+  if (parts.find('r') != std::string::npos) recursive_form(nominal, benches, number(2, 40), first);
   if (parts.find('c') != std::string::npos)
     find_changes(nominal, benches, first, static_cast<std::size_t>(number(5, 100)));
   return 0;
