@@ -2,8 +2,9 @@
 // frames of flight leave of the height's calibration part and whether the truth is in the stated
 // interval, how often a bench that stays is called changed, and after how many frames a changed
 // one is found, beside the noncentrality that linear theory gives.
-//   chain_self_calibration [benches] [frames] [first seed] [parts: "grc"] [frames before a change]
-// Parts: g goals and false alarms, r the recursive form against whole sessions, c changes.
+//   chain_self_calibration [benches] [frames] [first seed] [parts: "grcb"] [frames before a change]
+// Parts: g goals and false alarms, r the recursive form against whole sessions, c changes, b
+//   what changes could at most be found by.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/chain/chain_planner.h"
 #include "optics/chain/chain_refiner.h"
@@ -244,6 +245,39 @@ void predict(const NominalChain& nominal, const Run& before, const TrueBench& tr
   }
 }
 
+/// delta' M delta of changes by the number of frames before and after them, of the run's own
+/// linearization: a move is found from a noncentrality of some 40. With ever more frames after it
+/// tends to delta' C^-1 delta, C of what the frames before left: no test of frames passes that.
+void bound(const NominalChain& nominal, int benches, std::uint64_t first) {
+  const auto parameters = chain_parameters(nominal, {});
+  for (int k = 0; k < benches; ++k) {
+    const std::uint64_t seed = first + static_cast<std::uint64_t>(k);
+    const TrueBench truth(nominal, {}, seed);
+    Run run(nominal, truth, 3000 + seed);
+    for (const std::size_t frames : {100U, 300U, 600U, 1000U}) {
+      if (!run.fly_until(truth, frames)) break;
+      run.refiner.work(3 * static_cast<int>(frames));
+      const Eigen::MatrixXd most = run.refiner.belief().covariance.inverse();
+      for (const Change& change : changes()) {
+        if (change.by.empty() || change.over > 0) continue;
+        Eigen::VectorXd delta = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters.size()));
+        for (std::size_t i = 0; i < parameters.size(); ++i)
+          if (const auto by = change.by.find(parameters[i].name); by != change.by.end())
+            delta[static_cast<Eigen::Index>(i)] = by->second / parameters[i].sigma;
+        std::printf("bound\t%d\t%s\t%zu\t%.1f", static_cast<int>(seed), change.name, frames,
+                    delta.dot(most * delta));
+        for (const std::size_t after : {30U, 100U, 300U, 700U})
+          if (after < frames)
+            std::printf(
+                "\t%zu+%zu: %.1f", frames - after, after,
+                delta.dot(run.refiner.information_since(frames - after).information * delta));
+        std::printf("\n");
+      }
+    }
+    std::fflush(stdout);
+  }
+}
+
 void change_one(const Change& change, Run run, const TrueBench& truth, const TrueBench& after,
                 Found& found) {
   constexpr int kMost = 300;
@@ -313,6 +347,7 @@ int main(int count, char** arguments) {
   nominal.prescription = prescription("model_eye_5_3");
   if (parts.find('g') != std::string::npos) goals(nominal, benches, number(2, 300), first);
   if (parts.find('r') != std::string::npos) recursive_form(nominal, benches, number(2, 40), first);
+  if (parts.find('b') != std::string::npos) bound(nominal, benches, first);
   if (parts.find('c') != std::string::npos)
     find_changes(nominal, benches, first, static_cast<std::size_t>(number(5, 100)));
   return 0;
