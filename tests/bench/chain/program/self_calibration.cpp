@@ -3,6 +3,7 @@
 // interval, how often a bench that stays is called changed, and after how many frames a changed
 // one is found, beside the noncentrality that linear theory gives.
 //   chain_self_calibration [benches] [frames] [first seed] [parts: "grcb"] [frames before a change]
+//   [frames after it] [the change's name, its beginning]
 // Parts: g goals and false alarms, r the recursive form against whole sessions, c changes, b
 //   what changes could at most be found by.
 // SPDX-License-Identifier: Apache-2.0
@@ -278,13 +279,13 @@ void bound(const NominalChain& nominal, int benches, std::uint64_t first) {
   }
 }
 
+/// At most `most` frames are offered after the change.
 void change_one(const Change& change, Run run, const TrueBench& truth, const TrueBench& after,
-                Found& found) {
-  constexpr int kMost = 300;
+                int most, Found& found) {
   const int had = run.offered;
   const std::size_t frames = run.refiner.frames();
   ++found.benches;
-  while (!run.refiner.changed() && run.offered - had < kMost) {
+  while (!run.refiner.changed() && run.offered - had < most) {
     const double part =
         change.over > 0 ? std::min(1.0, static_cast<double>(run.offered - had + 1) / change.over)
                         : 1;
@@ -297,8 +298,8 @@ void change_one(const Change& change, Run run, const TrueBench& truth, const Tru
   found.kept_after.push_back(static_cast<double>(changed->after) - static_cast<double>(frames));
 }
 
-void find_changes(const NominalChain& nominal, int benches, std::uint64_t first,
-                  std::size_t before) {
+void find_changes(const NominalChain& nominal, int benches, std::uint64_t first, std::size_t before,
+                  int most, const std::string& only) {
   std::vector<Found> found(changes().size());
   for (int k = 0; k < benches; ++k) {
     const std::uint64_t seed = first + static_cast<std::uint64_t>(k);
@@ -307,14 +308,16 @@ void find_changes(const NominalChain& nominal, int benches, std::uint64_t first,
     if (!run.fly_until(truth, before)) continue;
     for (std::size_t i = 0; i < changes().size(); ++i) {
       const Change& change = changes()[i];
+      if (!std::string(change.name).starts_with(only)) continue;
       const TrueBench after =
           change.by.empty() ? TrueBench(nominal, {}, 50000 + seed) : part_of(truth, change, 1);
       if (i < 7) predict(nominal, run, truth, after, found[i]);
-      change_one(change, run, truth, after, found[i]);
+      change_one(change, run, truth, after, most, found[i]);
     }
   }
   for (std::size_t i = 0; i < changes().size(); ++i) {
     const Found& one = found[i];
+    if (one.benches == 0) continue;
     const auto within = [&](double frames) {
       return std::count_if(one.frames.begin(), one.frames.end(),
                            [&](double at) { return at <= frames; });
@@ -349,6 +352,7 @@ int main(int count, char** arguments) {
   if (parts.find('r') != std::string::npos) recursive_form(nominal, benches, number(2, 40), first);
   if (parts.find('b') != std::string::npos) bound(nominal, benches, first);
   if (parts.find('c') != std::string::npos)
-    find_changes(nominal, benches, first, static_cast<std::size_t>(number(5, 100)));
+    find_changes(nominal, benches, first, static_cast<std::size_t>(number(5, 100)), number(6, 300),
+                 count > 7 ? arguments[7] : "");
   return 0;
 }
