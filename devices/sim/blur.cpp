@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/blur.h"
 
+#include "devices/sim/defocus_wave.h"
+
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace vitreo::sim {
 namespace {
@@ -14,6 +17,11 @@ constexpr double kKept = 0.998;   // of the kernel's energy (sum of squares), by
 // Radius to which the Airy pattern is kept, its third dark ring, in units of lambda / (2 NA): the
 // third zero of J_1 is 10.17 = 3.24 pi.
 constexpr double kAiryRings = 3.24;
+constexpr double kAiryRadius = 1.22;  // the first dark ring, in the same units
+// Up to which disc, in Airy radii, the wave is calculated: 60 radians of defocus at the rim. A
+// kernel there takes milliseconds; beyond it geometry is enough.
+constexpr double kWaveDiscs = 16;
+constexpr double kBand = 0.09;  // half width of a color's light, relative to its wavelength
 
 // The Airy pattern of a circular aperture, (2 J_1(x) / x)^2 with x = 2 pi NA r / lambda (Born &
 // Wolf 1999, 8.5.2); 1 in the middle.
@@ -34,27 +42,66 @@ cv::Mat sampled(int half, double step, Function value) {
   return grid / cv::sum(grid)[0];
 }
 
-}  // namespace
+/// Of the band's colors, each with the same energy through the aperture, which spreads over an area
+/// as its wavelength squared; a function of the radius in steps of half a sample.
+std::vector<double> wave_profile(const Aperture& aperture, double defocus, double step,
+                                 std::size_t count) {
+  constexpr int kColors = 5;
+  std::vector<double> profile(count, 0.0);
+  for (int color = 0; color < kColors; ++color) {
+    const double part = kBand * (2.0 * color / (kColors - 1) - 1);
+    const double wavelength = aperture.wavelength * (1 + part);
+    const double k_na = 2 * M_PI * aperture.numerical_aperture / wavelength;
+    const double u = k_na * aperture.numerical_aperture * defocus;
+    for (std::size_t i = 0; i < count; ++i) {
+      const double v = k_na * static_cast<double>(i) * step / 2;
+      profile[i] += defocused_intensity(u, v) / (wavelength * wavelength);
+    }
+  }
+  return profile;
+}
 
-// The kernel is made on a grid five times finer than the pixels, as disc * Airy pattern * pixel
-// (convolutions): the Airy pattern alone in focus, the geometric disc far out of it, and an
-// approximation between them.
-cv::Mat point_spread(const Aperture& aperture, double defocus) {
-  const double step = aperture.pixel / kOversampling;
-  const double disc = std::abs(defocus) * aperture.numerical_aperture;
-  const double airy_reach = kAiryRings * aperture.wavelength / (2 * aperture.numerical_aperture);
-  const int reach = std::max(1, static_cast<int>(std::ceil((disc + airy_reach) / aperture.pixel)));
-  const int half = reach * kOversampling + kOversampling / 2;
+/// Interpolated between the radii of the profile.
+cv::Mat wave(const Aperture& aperture, double defocus, double reach, int half, double step) {
+  const auto count = static_cast<std::size_t>(2 * reach / step) + 3;
+  const std::vector<double> profile = wave_profile(aperture, defocus, step, count);
+  return sampled(half, step, [&](double r) {
+    if (r > reach) return 0.0;
+    const double at = 2 * r / step;
+    const auto i = static_cast<std::size_t>(at);
+    const double part = at - static_cast<double>(i);
+    return (1 - part) * profile[i] + part * profile[i + 1];
+  });
+}
+
+/// Disc * Airy pattern: what the wave comes to when the disc is much larger than the pattern, but
+/// for ripples at the disc's rim.
+cv::Mat disc_and_airy(const Aperture& aperture, double disc, double airy_reach, int half,
+                      double step) {
   const cv::Mat diffraction =
       sampled(half, step, [&](double r) { return r <= airy_reach ? airy(r, aperture) : 0; });
   // Radius |defocus| NA, for small NA. The rim is softened over one sample, so that the kernel
-  // changes smoothly with the radius; the middle never vanishes, so that no defocus is the
-  // identity.
-  const cv::Mat geometric = sampled(half, step, [&](double r) {
-    return std::clamp((disc - r) / step + 0.5, r == 0 ? 1e-3 : 0.0, 1.0);
-  });
+  // changes smoothly with the radius.
+  const cv::Mat geometric =
+      sampled(half, step, [&](double r) { return std::clamp((disc - r) / step + 0.5, 0.0, 1.0); });
   cv::Mat fine;
   cv::filter2D(diffraction, fine, CV_32F, geometric, cv::Point(-1, -1), 0, cv::BORDER_CONSTANT);
+  return fine;
+}
+
+}  // namespace
+
+// The kernel is made on a grid five times finer than the pixels.
+cv::Mat point_spread(const Aperture& aperture, double defocus) {
+  const double step = aperture.pixel / kOversampling;
+  const double disc = std::abs(defocus) * aperture.numerical_aperture;
+  const double ring = aperture.wavelength / (2 * aperture.numerical_aperture);
+  const double airy_reach = kAiryRings * ring;
+  const int reach = std::max(1, static_cast<int>(std::ceil((disc + airy_reach) / aperture.pixel)));
+  const int half = reach * kOversampling + kOversampling / 2;
+  const cv::Mat fine = disc <= kWaveDiscs * kAiryRadius * ring
+                           ? wave(aperture, defocus, disc + airy_reach, half, step)
+                           : disc_and_airy(aperture, disc, airy_reach, half, step);
   cv::Mat kernel;
   // Averages over each pixel's square.
   cv::resize(fine, kernel, cv::Size(2 * reach + 1, 2 * reach + 1), 0, 0, cv::INTER_AREA);

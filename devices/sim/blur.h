@@ -1,5 +1,5 @@
-// Blur of a defocused microscope image: the aperture's disc, its diffraction and the pixel in one
-// kernel.
+// Blur of a defocused microscope image: the wave of its aperture, or the disc where that is much
+// larger than the diffraction, and the pixel in one kernel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,9 +16,9 @@ struct Aperture {
   double pixel = 14.3e-6;      // m, in the object plane of the microscope
 };
 
-/// The point spread of a defocus (m along the axis), sampled by the pixels, summing to 1: the
-/// geometric disc of radius |defocus| NA convolved with the Airy pattern and the pixel's own
-/// square. Odd size. CV_32F.
+/// The point spread of a defocus (m along the axis), averaged over the pixels, summing to 1: the
+/// wave of the aperture (defocus_wave.h); the geometric disc, |defocus| NA, convolved with the Airy
+/// pattern where that is above 16 Airy radii. Odd size. CV_32F.
 cv::Mat point_spread(const Aperture& aperture, double defocus);
 
 /// Blurs CV_32F images with the kernel as a sum of few separable ones (its leading singular

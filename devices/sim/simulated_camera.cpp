@@ -6,6 +6,8 @@
 #include "devices/sim/spoiled_picture.h"
 #include "devices/time/error.h"
 
+#include <opencv2/core.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>

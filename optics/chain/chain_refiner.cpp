@@ -12,10 +12,9 @@
 namespace vitreo::optics {
 namespace {
 
-constexpr double kSettled = 0.02;     // sigmas: a step below it is the end of a search
-constexpr int kFewestPasses = 3;      // of a search
-constexpr int kMostPasses = 12;       // then it stays undecided and is given up
-constexpr double kLongestStep = 1.5;  // sigmas, of one solution: a twin's valley is curved
+constexpr double kSettled = 0.02;  // sigmas: a step below it is the end of a search
+constexpr int kFewestPasses = 3;   // of a search
+constexpr int kMostPasses = 12;    // then it stays undecided and is given up
 
 const ChainRefinerSettings& checked(const ChainRefinerSettings& settings) {
   settings.check();
@@ -51,92 +50,11 @@ void ChainRefinerSettings::check() const {
   detail::require(false_alarm > 0 && false_alarm < 1, "false_alarm: wants 0 to 1");
 }
 
-ChainHypothesis::ChainHypothesis(const ChainBelief& prior, const Eigen::VectorXd& start)
-    : prior_theta_(prior.chain.theta()),
-      prior_information_(prior.covariance.inverse()),
-      theta_(start),
-      chain_(prior.chain.nominal(), prior.chain.parameters(), start),
-      covariance_(prior.covariance) {}
-
-/// Gauss-Newton in the five unknowns alone; what the last step leaves is linear in them, and gone
-/// from the reduced rows.
-std::optional<ReducedRows> ChainHypothesis::linearized(const ChainLook& look, OwnUnknowns& own,
-                                                       int steps) const {
-  for (int step = 0;; ++step) {
-    const auto block = block_of(chain_, look, own.head<3>(), own.tail<2>(), true);
-    if (!block || !block->residuals.allFinite()) return std::nullopt;
-    const OwnUnknowns move = block->by_own.colPivHouseholderQr().solve(block->residuals);
-    if (!move.allFinite()) return std::nullopt;
-    ReducedRows rows = reduced(*block, theta_);
-    own -= move;
-    if (step + 1 >= steps) return rows;
-  }
-}
-
-std::vector<const ReducedRows*> ChainHypothesis::rows() const {
-  std::vector<const ReducedRows*> all;
-  all.reserve(frames_.size());
-  for (const Frame& one : frames_) all.push_back(&one.rows);
-  return all;
-}
-
-void ChainHypothesis::keep_first(std::size_t frames) {
-  frames_.resize(std::min(frames, frames_.size()));
-  next_ = 0;
-  solve();
-}
-
-ChainHypothesis ChainHypothesis::from(const Eigen::VectorXd& start) const {
-  ChainHypothesis other = *this;
-  other.theta_ = start;
-  other.chain_ = ViewingChain(chain_.nominal(), chain_.parameters(), start);
-  other.next_ = 0;
-  other.passes_ = 0;
-  return other;
-}
-
-void ChainHypothesis::add(const ChainLook& look, const OwnUnknowns& own, ReducedRows rows) {
-  frames_.push_back({look, own, std::move(rows)});
-}
-
-/// A frame that is not shown by the chain as it is now keeps its rows of before.
-void ChainHypothesis::work(int frames) {
-  for (int i = 0; i < frames && !frames_.empty(); ++i) {
-    Frame& frame = frames_[next_];
-    if (auto rows = linearized(frame.look, frame.own, 1)) frame.rows = std::move(*rows);
-    if (++next_ < frames_.size()) continue;
-    next_ = 0;
-    ++passes_;
-    solve();
-  }
-}
-
-/// (Lambda_0 + sum B'B) theta = Lambda_0 theta_0 - sum B'f; cost = |theta - theta_0|^2 in Lambda_0
-/// and the rows' squares.
-void ChainHypothesis::solve() {
-  Eigen::MatrixXd information = prior_information_;
-  Eigen::VectorXd right = prior_information_ * prior_theta_;
-  for (const Frame& frame : frames_) {
-    information.noalias() += frame.rows.by_theta.transpose() * frame.rows.by_theta;
-    right.noalias() -= frame.rows.by_theta.transpose() * frame.rows.offset;
-  }
-  const Eigen::LDLT<Eigen::MatrixXd> factor(information);
-  Eigen::VectorXd step = factor.solve(right) - theta_;
-  last_step_ = step.cwiseAbs().maxCoeff();
-  if (last_step_ > kLongestStep) step *= kLongestStep / last_step_;
-  theta_ += step;
-  covariance_ = factor.solve(Eigen::MatrixXd::Identity(theta_.size(), theta_.size()));
-  const Eigen::VectorXd off = theta_ - prior_theta_;
-  chi2_ = off.dot(prior_information_ * off);
-  for (const Frame& frame : frames_)
-    chi2_ += (frame.rows.by_theta * theta_ + frame.rows.offset).squaredNorm();
-  chain_ = ViewingChain(chain_.nominal(), chain_.parameters(), theta_);
-}
-
-ChainRefiner::ChainRefiner(ChainBelief prior, const ChainRefinerSettings& settings)
+ChainRefiner::ChainRefiner(ChainBelief prior, const ChainRefinerSettings& settings,
+                           const ChainAnchors& anchors)
     : prior_(std::move(prior)),
       settings_(checked(settings)),
-      best_(prior_, prior_.chain.theta()),
+      best_(prior_, prior_.chain.theta(), anchors),
       test_(prior_, settings_.block, settings_.most_frames),
       belief_(prior_) {}
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "optics/chain/bench_change.h"
+#include "optics/chain/chain_hypothesis.h"
 
 #include <Eigen/Core>
 
@@ -39,62 +40,14 @@ enum class RefinerOutcome {
   full
 };
 
-/// Place (m) and turns of the axis (rad) of a look.
-using OwnUnknowns = Eigen::Matrix<double, 5, 1>;
-
-/// One chain that explains the frames: rows of each frame, linearized about the theta of when it
-/// was last looked at, and their sum in information form. `work` looks at frames anew, so that the
-/// sum becomes that of Gauss-Newton at its own solution.
-class ChainHypothesis {
- public:
-  /// `prior`: before any frame; `start`: where the chain is linearized first.
-  ChainHypothesis(const ChainBelief& prior, const Eigen::VectorXd& start);
-  /// Linearizes a frame here, at the place that fits it best, which is put into `own`; nothing
-  /// where the chain does not show it.
-  std::optional<ReducedRows> linearized(const ChainLook& look, OwnUnknowns& own,
-                                        int steps = 3) const;
-  void add(const ChainLook& look, const OwnUnknowns& own, ReducedRows rows);
-  /// Rows of all frames, in their order.
-  std::vector<const ReducedRows*> rows() const;
-  /// Without the later ones, solved anew.
-  void keep_first(std::size_t frames);
-  /// The same prior and frames, linearized about another theta from the next pass on.
-  ChainHypothesis from(const Eigen::VectorXd& start) const;
-  /// Looks at so many frames anew, and solves when the last of them was reached.
-  void work(int frames);
-  void solve();  // by the rows as they are
-  const Eigen::VectorXd& theta() const { return theta_; }
-  const ViewingChain& chain() const { return chain_; }
-  const Eigen::MatrixXd& covariance() const { return covariance_; }
-  double chi2() const { return chi2_; }
-  int passes() const { return passes_; }
-  double last_step() const { return last_step_; }  // in sigmas, the largest
-  std::size_t frames() const { return frames_.size(); }
-
- private:
-  struct Frame {
-    ChainLook look;
-    OwnUnknowns own;
-    ReducedRows rows;
-  };
-  Eigen::VectorXd prior_theta_;
-  Eigen::MatrixXd prior_information_;
-  Eigen::VectorXd theta_;
-  ViewingChain chain_;
-  Eigen::MatrixXd covariance_;
-  double chi2_ = 0;
-  std::vector<Frame> frames_;
-  std::size_t next_ = 0;
-  int passes_ = 0;
-  double last_step_ = 0;
-};
-
 /// The refined chain of a run. No clock: the time of a frame is an argument. When its bench has
 /// changed, the frames since then are dropped, what moved is uncertain again, and it takes no
 /// more.
 class ChainRefiner {
  public:
-  ChainRefiner(ChainBelief prior, const ChainRefinerSettings& settings = {});
+  /// `anchors`: looks that the prior was estimated from, to be linearized anew as well.
+  ChainRefiner(ChainBelief prior, const ChainRefinerSettings& settings = {},
+               const ChainAnchors& anchors = {});
   /// A frame of free flight: the robot somewhere near `near`, its axis about `axis`.
   RefinerOutcome add(const OutlineSeen& seen, const Eigen::Vector3d& axis,
                      const Eigen::Vector3d& near, double time);

@@ -22,6 +22,8 @@ FreeParameters free_parameters(const ObjectPoseSettings& settings) {
   return free;
 }
 
+constexpr Eigen::Index kAboutAxis = 5;  // of the free parameters, where the body may rotate
+
 constexpr double kTilt = 0.35;  // rad, of starts away from what was found
 
 /// The logarithm of a rotation, rad; its length lies between 0 and pi.
@@ -119,7 +121,16 @@ class Search {
   std::optional<Explanation> explained(const BodyState& start);
   void follow(const BodyState& start);
   Eigen::VectorXd step_between(const BodyState& a, const BodyState& b, Symmetry symmetry) const;
+  std::optional<Minimum> held_at(const Minimum& minimum, const Eigen::VectorXd& direction,
+                                 double sigma, double far, const BodyState& start) const;
   double widened(const Minimum& minimum, const Eigen::VectorXd& direction, double sigma) const;
+  struct Turned {
+    double turn;  // rad, about the body's axis, from a minimum
+    Minimum best;
+  };
+  std::vector<Turned> turned_about_axis(const Explanation& minimum, double sigma) const;
+  Eigen::MatrixXd sampled_covariance(const Explanation& minimum,
+                                     const Eigen::MatrixXd& covariance) const;
   bool same(const Minimum& a, const Minimum& b) const;
   PoseCandidate candidate(const Explanation& minimum) const;
 
@@ -386,39 +397,117 @@ Eigen::VectorXd Search::step_between(const BodyState& a, const BodyState& b,
   return step;
 }
 
+/// The best state, with its cost, that is `far` natural units along a direction from a minimum. The
+/// distance is held by a penalty of 1e3 per sigma while the solver moves all else.
+std::optional<Minimum> Search::held_at(const Minimum& minimum, const Eigen::VectorXd& direction,
+                                       double sigma, double far, const BodyState& start) const {
+  constexpr double kHeld = 1e3;
+  const Eigen::VectorXd units = parameter_units(free_);
+  const auto held = [&](const BodyState& state,
+                        Eigen::MatrixXd* per_state) -> std::optional<Eigen::VectorXd> {
+    const auto terms = residuals(state, per_state);
+    if (!terms) return std::nullopt;
+    Eigen::VectorXd all(terms->size() + 1);
+    const Eigen::VectorXd step = step_between(minimum.state, state, Symmetry::none);
+    all << *terms, kHeld / sigma * (direction.dot(step.cwiseQuotient(units)) - far);
+    if (!per_state || per_state->rows() == 0) return all;
+    per_state->conservativeResize(all.size(), Eigen::NoChange);
+    per_state->bottomRows<1>().setZero();
+    Eigen::Matrix<double, 1, 7> row = Eigen::Matrix<double, 1, 7>::Zero();
+    row(free_) = kHeld / sigma * direction.cwiseQuotient(units);
+    if (rotates_) row.segment<3>(3) *= inverse_right_jacobian(step.segment<3>(3));
+    per_state->bottomRows<1>() = row;
+    return all;
+  };
+  return minimize(held, free_, start);
+}
+
 /// Profile likelihood: the distance along a direction, every other parameter at its best, at which
 /// chi^2 has grown by about 1; the distances tried are coarse, so 0.7 is enough. A valley that is
 /// flatter than its bottom's curvature, as of a tilt near zero, has a larger sigma.
-/// The distance is held by a penalty of 1e3 per sigma while the solver moves all else. 1, a natural
-/// unit, means that the direction is not observed.
+/// 1, a natural unit, means that the direction is not observed.
 double Search::widened(const Minimum& minimum, const Eigen::VectorXd& direction,
                        double sigma) const {
   constexpr double kEnough = 0.7;
   constexpr double kFarther = 1.5;
-  constexpr double kHeld = 1e3;
   const Eigen::VectorXd units = parameter_units(free_);
   for (double far = sigma; far < 1; far *= kFarther) {
-    const auto held = [&](const BodyState& state,
-                          Eigen::MatrixXd* per_state) -> std::optional<Eigen::VectorXd> {
-      const auto terms = residuals(state, per_state);
-      if (!terms) return std::nullopt;
-      Eigen::VectorXd all(terms->size() + 1);
-      const Eigen::VectorXd step = step_between(minimum.state, state, Symmetry::none);
-      all << *terms, kHeld / sigma * (direction.dot(step.cwiseQuotient(units)) - far);
-      if (!per_state || per_state->rows() == 0) return all;
-      per_state->conservativeResize(all.size(), Eigen::NoChange);
-      per_state->bottomRows<1>().setZero();
-      Eigen::Matrix<double, 1, 7> row = Eigen::Matrix<double, 1, 7>::Zero();
-      row(free_) = kHeld / sigma * direction.cwiseQuotient(units);
-      if (rotates_) row.segment<3>(3) *= inverse_right_jacobian(step.segment<3>(3));
-      per_state->bottomRows<1>() = row;
-      return all;
-    };
-    const auto found =
-        minimize(held, free_, moved(minimum.state, free_, far * units.cwiseProduct(direction)));
+    const auto found = held_at(minimum, direction, sigma, far,
+                               moved(minimum.state, free_, far * units.cwiseProduct(direction)));
     if (!found || found->cost > minimum.cost + kEnough) return far;
   }
   return 1;
+}
+
+/// Turns about the body's axis, in sigmas of the Jacobian, at which the posterior is sampled: dense
+/// where it is smooth, and far enough to get over a kink whose one side is steep.
+constexpr std::array<double, 7> kTurns{0.6, 1.3, 2.2, 3.5, 6, 10, 18};
+
+/// The turns at which a pose is as likely as to count, from the minimum to one side and the other:
+/// each with everything else at its best.
+std::vector<Search::Turned> Search::turned_about_axis(const Explanation& minimum,
+                                                      double sigma) const {
+  constexpr double kUnlikely = 14;  // of chi^2
+  const Eigen::VectorXd units = parameter_units(free_);
+  const Eigen::VectorXd about = Eigen::VectorXd::Unit(units.size(), kAboutAxis);
+  const double unit = units[kAboutAxis];
+  const auto at = [&](double turn, const BodyState& start) {
+    return held_at(minimum, about, sigma / unit, turn / unit, start);
+  };
+  std::vector<Turned> made;
+  if (const auto middle = at(0, minimum.state)) made.push_back({0, *middle});
+  for (const double side : {-1.0, 1.0}) {
+    BodyState start = minimum.state;
+    double last = 0;
+    for (const double sigmas : kTurns) {
+      const double turn = side * sigmas * sigma;
+      if (std::abs(turn) > 4 * *settings_.roll_sigma) break;
+      const auto found = at(turn, moved(start, free_, (turn - last) * about));
+      if (!found) break;
+      made.push_back({turn, *found});
+      if (found->cost > minimum.cost + kUnlikely) break;
+      start = found->state;
+      last = turn;
+    }
+  }
+  std::sort(made.begin(), made.end(),
+            [](const Turned& a, const Turned& b) { return a.turn < b.turn; });
+  return made;
+}
+
+/// Covariance about the minimum from the posterior over the turn about the body's own axis,
+/// sampled, everything else normal at each turn (Laplace):
+///   C = sum w (C_turn + step step') / sum w,   w = exp(-chi^2 / 2) sqrt(det C_turn) d(turn).
+/// Plates that lie face on are the narrowest at one turn and wider on both sides of it: a kink, of
+/// which the derivatives at the minimum know one side. Empty where it cannot be had.
+Eigen::MatrixXd Search::sampled_covariance(const Explanation& minimum,
+                                           const Eigen::MatrixXd& covariance) const {
+  const double believed = *settings_.roll_sigma;
+  const double sigma =
+      std::clamp(std::sqrt(covariance(kAboutAxis, kAboutAxis)), 0.02 * believed, believed);
+  const std::vector<Turned> turned = turned_about_axis(minimum, sigma);
+  if (turned.size() < 3) return {};
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(covariance.rows(), covariance.cols());
+  double weights = 0;
+  double first_root = 0;
+  for (std::size_t i = 0; i < turned.size(); ++i) {
+    const Eigen::MatrixXd& jacobian = turned[i].best.jacobian;
+    const Eigen::LDLT<Eigen::MatrixXd> information(jacobian.transpose() * jacobian);
+    if (!information.isPositive()) return {};
+    // 1 / sqrt(det), against overflow over that of the first.
+    const double root = information.vectorD().array().log().sum() / 2;
+    if (i == 0) first_root = root;
+    const double before = turned[i == 0 ? 0 : i - 1].turn;
+    const double after = turned[std::min(i + 1, turned.size() - 1)].turn;
+    const double weight =
+        std::exp((minimum.cost - turned[i].best.cost) / 2 + first_root - root) * (after - before);
+    const Eigen::VectorXd step = step_between(minimum.state, turned[i].best.state, Symmetry::none);
+    const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols());
+    sum += weight * (information.solve(one) + step * step.transpose());
+    weights += weight;
+  }
+  sum = (sum / weights).eval();
+  return sum.allFinite() ? sum : Eigen::MatrixXd{};
 }
 
 /// Half a sigma by both Jacobians, or equal to rounding.
@@ -504,6 +593,11 @@ PoseCandidate Search::candidate(const Explanation& minimum) const {
         return std::fmax(widened(minimum, direction, sigma), widened(minimum, -direction, sigma));
       });
   made.covariance(free_, free_) = seen.covariance;
+  const bool plates = measured_.symmetry == Symmetry::half_turns && !settings_.object.crossed;
+  if (plates && rotates_ && settings_.roll_sigma && seen.unobservable.cols() == 0) {
+    const Eigen::MatrixXd sampled = sampled_covariance(minimum, seen.covariance);
+    if (sampled.size() > 0) made.covariance(free_, free_) = sampled;
+  }
   for (Eigen::Index i = 0; i < seen.unobservable.cols(); ++i) {
     Eigen::Matrix<double, 7, 1> direction = Eigen::Matrix<double, 7, 1>::Zero();
     direction(free_) = seen.unobservable.col(i);

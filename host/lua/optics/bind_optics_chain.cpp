@@ -119,10 +119,13 @@ int calibrate_chain(Call& call) {
         if (rehearsed) return optics::ChainEstimate{before.belief, {}, 0, 0, {}, 0};
         return optics::estimate_chain(before.nominal, before.sigmas, session, settings);
       },
-      [before](Call& done, const optics::ChainEstimate& made) {
+      [before, session, rehearsed](Call& done, const optics::ChainEstimate& made) {
         ResultTable table(done);
+        optics::ChainAnchors anchors;
+        if (!rehearsed) anchors = {session.looks, made.places};
         push_handle(done.L, viewing_chain_class(),
-                    std::make_shared<Chain>(Chain{before.nominal, before.sigmas, made.belief}));
+                    std::make_shared<Chain>(
+                        Chain{before.nominal, before.sigmas, made.belief, {}, anchors}));
         table.top("chain")
             .number("chi2", made.chi2)
             .integer("degrees_of_freedom", made.degrees_of_freedom)

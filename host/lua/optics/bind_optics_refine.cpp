@@ -36,12 +36,12 @@ std::vector<double> times_of(const Call& call, std::size_t count) {
 
 /// The frame's place is found by the chain as it is refined until then. Of a look that lies on the
 /// retina or was measured only the picture counts.
-Refined refined_by(const optics::ChainBelief& start,
-                   std::shared_ptr<const optics::ChainRefiner> before,
-                   const optics::ChainSession& session, const std::vector<double>& times, int work,
-                   const YieldPoint& breath) {
-  auto refiner = before ? std::make_shared<optics::ChainRefiner>(*before)
-                        : std::make_shared<optics::ChainRefiner>(start);
+Refined refined_by(const Chain& before, const optics::ChainSession& session,
+                   const std::vector<double>& times, int work, const YieldPoint& breath) {
+  auto refiner = before.refiner
+                     ? std::make_shared<optics::ChainRefiner>(*before.refiner)
+                     : std::make_shared<optics::ChainRefiner>(
+                           before.belief, optics::ChainRefinerSettings{}, before.anchors);
   Refined made;
   for (std::size_t i = 0; i < session.looks.size(); ++i) {
     const optics::ChainLook& look = session.looks[i];
@@ -66,8 +66,8 @@ int refine(Call& call) {
   return calculate(
       call, "refine chain",
       [before, session, times, work, rehearsed](const YieldPoint& breath) {
-        return refined_by(before.belief, before.refiner,
-                          rehearsed ? optics::ChainSession{} : session, times, work, breath);
+        return refined_by(before, rehearsed ? optics::ChainSession{} : session, times, work,
+                          breath);
       },
       [before](Call& done, const Refined& made) {
         const optics::ChainRefiner& refiner = *made.refiner;

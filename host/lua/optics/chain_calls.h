@@ -17,6 +17,8 @@ struct Chain {
   optics::ChainBelief belief;
   /// Of a chain that frames of a run have refined: what the next ones are added to.
   std::shared_ptr<const optics::ChainRefiner> refiner{};
+  /// What it was calibrated by, to be linearized anew when frames refine it.
+  optics::ChainAnchors anchors{};
 };
 
 /// viewing_chain:refine and its row, in bind_optics_refine.cpp.

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/renderer.h"
 
+#include "devices/sim/defocus_wave.h"
 #include "optics/maps/wide_angle_map.h"
 #include "optics/rays/trace.h"
 
@@ -111,6 +112,59 @@ TEST(PointSpread, ItKeepsTheLightAndGrowsWithTheDefocus) {
     EXPECT_NEAR(second, radius * radius / 4 + 0.8, 0.8 + 0.05 * radius * radius);
     last = second;
   }
+}
+
+TEST(PointSpread, TheDefocusedWaveHasItsClosedFormsOnTheAxisAndAtTheDiscsRim) {
+  for (const double u : {0.5, 2.0, 3.83, 8.0, 30.0, 60.0}) {
+    const double x = u / 4;
+    EXPECT_NEAR(defocused_intensity(u, 0), std::pow(std::sin(x) / x, 2), 1e-5) << u;
+    // Born & Wolf 8.8, at the edge of the shadow, v = u.
+    const double j = std::cyl_bessel_j(0.0, u);
+    EXPECT_NEAR(defocused_intensity(u, u), (1 - 2 * j * std::cos(u) + j * j) / (u * u), 1e-5) << u;
+  }
+  for (const double v : {0.5, 2.0, 5.0}) {  // in focus it is Airy's
+    const double airy = std::pow(2 * std::cyl_bessel_j(1.0, v) / v, 2);
+    EXPECT_NEAR(defocused_intensity(0, v), airy, 1e-5) << v;
+  }
+}
+
+/// Of two kernels: half of what lies elsewhere in one than in the other; 1 where they share
+/// nothing.
+double apart(const cv::Mat& a, const cv::Mat& b) {
+  const int half = std::max(a.rows, b.rows) / 2;
+  double sum = 0;
+  for (int j = -half; j <= half; ++j)
+    for (int i = -half; i <= half; ++i) {
+      const auto of = [&](const cv::Mat& k) {
+        const int h = k.rows / 2;
+        return std::abs(i) > h || std::abs(j) > h ? 0.0F : k.at<float>(j + h, i + h);
+      };
+      sum += std::abs(of(a) - of(b));
+    }
+  return sum / 2;
+}
+
+TEST(PointSpread, WithinTheDepthOfFieldDefocusHardlyBlurs) {
+  // NA 0.01: an Airy radius of 34 um. Geometry's disc is half as large 1.7 mm out of focus, where
+  // the wave's middle has lost 7 %: sinc^2(u / 4), u = 1.9.
+  const Aperture aperture;
+  const cv::Mat sharp = point_spread(aperture, 0);
+  const cv::Mat near = point_spread(aperture, 1.7e-3);
+  const int half = sharp.rows / 2;
+  const int half_near = near.rows / 2;
+  const double middle = near.at<float>(half_near, half_near) / sharp.at<float>(half, half);
+  EXPECT_NEAR(middle, 0.93, 0.03);
+  EXPECT_LT(apart(sharp, near), 0.08);
+}
+
+TEST(PointSpread, WaveAndGeometryMeetWhereOneTakesOverFromTheOther) {
+  const Aperture aperture{0.05, 550e-9, 14.3e-6};
+  const double airy_radius = 0.61 * aperture.wavelength / aperture.numerical_aperture;
+  const double change = 16 * airy_radius / aperture.numerical_aperture;
+  const double difference =
+      apart(point_spread(aperture, 0.999 * change), point_spread(aperture, 1.001 * change));
+  // 0.12: the rings that the band's 9 % leaves in the disc, and how fast its rim falls off.
+  EXPECT_LT(difference, 0.15);
 }
 
 TEST(Blur, ItsSeparableKernelsEqualTheWholeOne) {

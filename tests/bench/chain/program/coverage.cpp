@@ -1,7 +1,8 @@
 // Coverage of the stated uncertainty of located positions, over random benches whose truth is a
 // tracer of its own (true_bench.h): uncalibrated, calibrated by one look, and by whole sessions.
 // Figures beside the floors of the study in docs/chain.md.
-//   chain_coverage [benches] [places] [frames] [first seed] [1: a line for each] [parts: "woei"]
+//   chain_coverage [benches] [places] [frames] [first seed] [1: a line for each bench, 2: and for
+//   each place, which join_coverage.py joins over calls] [parts: "woei"] [seconds]
 // Parts: w wrong ellipses, o one look, e ex vivo, i in the eye.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/calibration/camera_calibration.h"
@@ -17,6 +18,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -98,8 +100,31 @@ struct Scale {
   int places;
   int frames;
   std::uint64_t first;
-  bool each;  // prints a line for each bench
+  bool each;       // prints a line for each bench
+  bool rows;       // prints a line for each place, for join_coverage.py
+  double seconds;  // after so many no new bench is begun
+  std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
+  bool over() const {
+    return std::chrono::steady_clock::now() - begin > std::chrono::duration<double>(seconds);
+  }
 };
+
+/// One place as a line, um: what join_coverage.py joins over several calls of this program.
+/// `reference`: the error of a look in the middle of the retina, what "relative to a look" is to.
+void print_row(const char* name, std::uint64_t seed, const Eigen::Vector3d& error,
+               double height_error, const std::optional<Eigen::Vector3d>& reference,
+               const PositionDoubt& doubt) {
+  const Eigen::Vector3d sigma = 1e6 * doubt.covariance.diagonal().cwiseSqrt();
+  const Eigen::Vector3d relative =
+      reference ? Eigen::Vector3d(1e6 * (error - *reference))
+                : Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  std::printf(
+      "row\t%s\t%llu\t%.2f\t%.2f\t%.2f\t%.2f\t%.2f\t%.2f\t%.2f\t%.2f\t%.3f\t%.3f\t%.2f\t%.2f\n",
+      name, static_cast<unsigned long long>(seed), 1e6 * error.x(), 1e6 * error.y(),
+      1e6 * error.z(), 1e6 * height_error, sigma.x(), sigma.y(), sigma.z(),
+      1e6 * std::sqrt(doubt.height_variance), error.dot(doubt.covariance.ldlt().solve(error)),
+      doubt.chi2, relative.x(), relative.y());
+}
 
 /// Largest difference of the two programs' ellipses at the same parameters, px.
 void compare_programs(const NominalChain& nominal, const Scale& scale) {
@@ -124,10 +149,28 @@ void compare_programs(const NominalChain& nominal, const Scale& scale) {
   std::printf("chain against the true bench at its parameters: %.4f px at worst\n", worst);
 }
 
+/// The error of a steady look at the robot in the middle of the retina, 2 mm above it.
+std::optional<Eigen::Vector3d> error_of_a_look(const TrueBench& truth, const ChainBelief& belief,
+                                               std::mt19937_64 random) {
+  const Eigen::Vector3d place(0, 0, 2e-3);
+  const Eigen::Vector3d axis(1, 0, 0);
+  const auto seen = truth.seen(place, tilted(axis, kAxisSigma, random), 0.05, kAxisSigma, random);
+  const auto found = seen ? locate_in_chain(belief.chain, *seen, axis) : std::nullopt;
+  if (!found) return {};
+  return *found - place;
+}
+
+/// Whose frames are judged, in the lines of a place.
+struct Judging {
+  const char* name;
+  std::uint64_t seed;
+};
+
 /// Judges new frames of a bench by a belief. The position is found by the belief's own chain.
-void judge(const TrueBench& truth, const ChainBelief& belief, const Scale& scale,
+void judge(const TrueBench& truth, const ChainBelief& belief, const Scale& scale, const Judging& of,
            std::mt19937_64& random, Tally& tally) {
   ++tally.benches;
+  const auto reference = scale.rows ? error_of_a_look(truth, belief, random) : std::nullopt;
   for (int i = 0; i < scale.places; ++i) {
     const Eigen::Vector3d place = random_place(random);
     const Eigen::Vector3d axis = random_axis(random, 0);
@@ -148,6 +191,7 @@ void judge(const TrueBench& truth, const ChainBelief& belief, const Scale& scale
     const double retina = retina_offset(belief.chain, {0, 0});
     const double height_error = (found->z() - retina) - (place.z() - truth.retina(0, 0));
     tally.add(*found - place, height_error, *doubt);
+    if (scale.rows) print_row(of.name, of.seed, *found - place, height_error, reference, *doubt);
   }
 }
 
@@ -160,10 +204,13 @@ void one_look(const NominalChain& nominal, const ChainSigmas& sigmas, const Scal
   believed.image = nominal.image;
   believed.robot = nominal.robot;
   believed.exact.emplace(nominal.prescription.system, nominal.microscope, 8e-3);
-  for (int k = 0; k < scale.benches; ++k) {
-    const TrueBench truth(nominal, sigmas, scale.first + static_cast<std::uint64_t>(k));
-    std::mt19937_64 random(1000 + scale.first + static_cast<std::uint64_t>(k));
-    judge(truth, prior, scale, random, before);
+  const std::string uncalibrated = std::string(name) + ", uncalibrated";
+  const std::string one = std::string(name) + ", one look";
+  for (int k = 0; k < scale.benches && !scale.over(); ++k) {
+    const std::uint64_t seed = scale.first + static_cast<std::uint64_t>(k);
+    const TrueBench truth(nominal, sigmas, seed);
+    std::mt19937_64 random(1000 + seed);
+    judge(truth, prior, scale, {uncalibrated.c_str(), seed}, random, before);
     const Eigen::Vector3d axis(1, 0, 0);
     const double lying = nominal.robot.semi_radius;
     const auto look = truth.seen({0, 0, truth.retina(0, 0) + truth.robot().semi_radius},
@@ -178,13 +225,13 @@ void one_look(const NominalChain& nominal, const ChainSigmas& sigmas, const Scal
       const auto calibrated = scale_calibrated(
           belief, {{{0, 0, lying}, axis, look->ellipse.head<2>()}, *look, 10e-6, true},
           PositionFit::thesis);
-      if (calibrated) judge(truth, *calibrated, scale, random, after);
+      if (calibrated) judge(truth, *calibrated, scale, {one.c_str(), seed}, random, after);
     } catch (const std::invalid_argument&) {
       ++after.lost;
     }
   }
-  before.print((std::string(name) + ", uncalibrated").c_str(), "557 / 644 (all priors)");
-  after.print((std::string(name) + ", one look").c_str(), "311 / 369 depth, 226 / 335 height");
+  before.print(uncalibrated.c_str(), "557 / 644 (all priors)");
+  after.print(one.c_str(), "311 / 369 depth, 226 / 335 height");
 }
 
 void session(const NominalChain& nominal, const Scale& scale, const char* name, const char* floor,
@@ -192,15 +239,16 @@ void session(const NominalChain& nominal, const Scale& scale, const char* name, 
   Tally tally;
   const ChainSigmas sigmas;
   int twins = 0;
-  for (int k = 0; k < scale.benches; ++k) {
-    const TrueBench truth(nominal, sigmas, scale.first + static_cast<std::uint64_t>(k));
-    std::mt19937_64 random(2000 + scale.first + static_cast<std::uint64_t>(k));
+  for (int k = 0; k < scale.benches && !scale.over(); ++k) {
+    const std::uint64_t seed = scale.first + static_cast<std::uint64_t>(k);
+    const TrueBench truth(nominal, sigmas, seed);
+    std::mt19937_64 random(2000 + seed);
     const auto begin = std::chrono::steady_clock::now();
     try {
       const ChainEstimate made = estimate_chain(nominal, sigmas, record(truth, random));
       twins += made.minima.size() > 1;
       Tally alone;
-      judge(truth, made.belief, scale, random, alone);
+      judge(truth, made.belief, scale, {name, seed}, random, alone);
       tally.join(alone);
       if (scale.each)
         std::printf(
@@ -320,14 +368,22 @@ int main(int count, char** arguments) {
   const auto number = [&](int i, int otherwise) {
     return count > i ? std::atoi(arguments[i]) : otherwise;
   };
-  const Scale scale{number(1, 10), number(2, 25), number(3, 150),
-                    static_cast<std::uint64_t>(number(4, 1)), number(5, 0) != 0};
+  const Scale scale{number(1, 10),
+                    number(2, 25),
+                    number(3, 150),
+                    static_cast<std::uint64_t>(number(4, 1)),
+                    number(5, 0) != 0,
+                    number(5, 0) == 2,
+                    static_cast<double>(number(7, 86400))};
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // what a call that is ended has printed counts
   const std::string parts = count > 6 ? arguments[6] : "woei";
   const auto wanted = [&](char part) { return parts.find(part) != std::string::npos; };
   NominalChain nominal;
   nominal.prescription = prescription("model_eye_5_3");
-  time_one(nominal);
-  compare_programs(nominal, scale);
+  if (!scale.rows) {  // once is enough where many calls are joined
+    time_one(nominal);
+    compare_programs(nominal, scale);
+  }
   if (wanted('w')) wrong_ellipses(nominal, 20 * scale.benches, scale.first);
   if (wanted('o')) {
     one_look(nominal, {}, scale, "whole bench off");

@@ -2,8 +2,10 @@
 // frames of flight leave of the height's calibration part and whether the truth is in the stated
 // interval, how often a bench that stays is called changed, and after how many frames a changed
 // one is found, beside the noncentrality that linear theory gives.
-//   chain_self_calibration [benches] [frames] [first seed] [parts: "gc"] [frames before a change]
-// Parts: g goals and false alarms, c changes.
+//   chain_self_calibration [benches] [frames] [first seed] [parts: "grcb"] [frames before a change]
+//   [frames after it] [the change's name, its beginning]
+// Parts: g goals and false alarms, r the recursive form against whole sessions, c changes, b
+//   what changes could at most be found by.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/chain/chain_planner.h"
 #include "optics/chain/chain_refiner.h"
@@ -41,7 +43,11 @@ struct Run {
   int offered = 0;
 
   Run(const NominalChain& nominal, const TrueBench& truth, std::uint64_t seed)
-      : random(seed), refiner(estimate_chain(nominal, {}, landing_session(truth, random)).belief) {}
+      : random(seed), refiner(landed(nominal, landing_session(truth, random))) {}
+  static ChainRefiner landed(const NominalChain& nominal, const ChainSession& session) {
+    const ChainEstimate made = estimate_chain(nominal, {}, session);
+    return {made.belief, {}, {session.looks, made.places}};
+  }
 
   RefinerOutcome fly(const TrueBench& truth) {
     const ChainLook look = flight_look(truth, random);
@@ -135,6 +141,53 @@ void goals(const NominalChain& nominal, int benches, int frames, std::uint64_t f
   std::fflush(stdout);
 }
 
+/// From the same landings and frames: what the recursive form leaves of the height's calibration
+/// part, the estimator of whole sessions, and that with the landings linearized at their own
+/// solution; all from one start.
+void recursive_form(const NominalChain& nominal, int benches, int frames, std::uint64_t first) {
+  const auto height = [](const ViewingChain& chain, const Eigen::MatrixXd& covariance) {
+    return 1e6 * left_of({chain, covariance}, PlanGoal::height);
+  };
+  for (int k = 0; k < benches; ++k) {
+    const std::uint64_t seed = first + static_cast<std::uint64_t>(k);
+    const TrueBench truth(nominal, {}, seed);
+    std::mt19937_64 random(seed);
+    ChainSession session = landing_session(truth, random);
+    const std::size_t landings = session.looks.size();
+    const ChainEstimate landed = estimate_chain(nominal, {}, session, {.starts = 1});
+    ChainRefiner refiner(landed.belief, {}, {session.looks, landed.places});
+    for (double time = 0; refiner.frames() < static_cast<std::size_t>(frames) && time < 1e4;
+         time += kApart) {
+      const ChainLook look = flight_look(truth, random);
+      const auto near = locate_in_chain(refiner.belief().chain, look.seen, look.axis);
+      if (near && refiner.add(look.seen, look.axis, *near, time) == RefinerOutcome::taken)
+        session.looks.push_back(look);
+      refiner.work(15);
+    }
+    refiner.work(20 * frames);
+    const ChainEstimate whole = estimate_chain(nominal, {}, session, {.starts = 1});
+    ChainSession flights = session;
+    flights.looks.erase(flights.looks.begin(),
+                        flights.looks.begin() + static_cast<std::ptrdiff_t>(landings));
+    const std::vector<Eigen::Vector3d> places(
+        whole.places.begin() + static_cast<std::ptrdiff_t>(landings), whole.places.end());
+    const Eigen::MatrixXd of_flights = session_information(whole.belief.chain, flights, places);
+    const Eigen::MatrixXd at_landing = (landed.belief.covariance.inverse() + of_flights).inverse();
+    const Eigen::VectorXd apart = refiner.belief().chain.theta() - whole.belief.chain.theta();
+    std::printf(
+        "seed %d, %zu frames: landings %.0f, recursive %.0f (%zu explanations, landings counted "
+        "at whole's place: %.0f), whole %.0f, whole with the landings at their own solution %.0f "
+        "um; apart %.2f\n",
+        static_cast<int>(seed), refiner.frames(),
+        height(landed.belief.chain, landed.belief.covariance),
+        height(refiner.belief().chain, refiner.belief().covariance), refiner.explanations(),
+        height(whole.belief.chain, refiner.belief().covariance),
+        height(whole.belief.chain, whole.belief.covariance), height(whole.belief.chain, at_landing),
+        apart.dot(whole.belief.covariance.ldlt().solve(apart)));
+    std::fflush(stdout);
+  }
+}
+
 /// A change by hand. Of another bench there is no single step.
 struct Change {
   const char* name;
@@ -193,13 +246,46 @@ void predict(const NominalChain& nominal, const Run& before, const TrueBench& tr
   }
 }
 
+/// delta' M delta of changes by the number of frames before and after them, of the run's own
+/// linearization: a move is found from a noncentrality of some 40. With ever more frames after it
+/// tends to delta' C^-1 delta, C of what the frames before left: no test of frames passes that.
+void bound(const NominalChain& nominal, int benches, std::uint64_t first) {
+  const auto parameters = chain_parameters(nominal, {});
+  for (int k = 0; k < benches; ++k) {
+    const std::uint64_t seed = first + static_cast<std::uint64_t>(k);
+    const TrueBench truth(nominal, {}, seed);
+    Run run(nominal, truth, 3000 + seed);
+    for (const std::size_t frames : {100U, 300U, 600U, 1000U}) {
+      if (!run.fly_until(truth, frames)) break;
+      run.refiner.work(3 * static_cast<int>(frames));
+      const Eigen::MatrixXd most = run.refiner.belief().covariance.inverse();
+      for (const Change& change : changes()) {
+        if (change.by.empty() || change.over > 0) continue;
+        Eigen::VectorXd delta = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters.size()));
+        for (std::size_t i = 0; i < parameters.size(); ++i)
+          if (const auto by = change.by.find(parameters[i].name); by != change.by.end())
+            delta[static_cast<Eigen::Index>(i)] = by->second / parameters[i].sigma;
+        std::printf("bound\t%d\t%s\t%zu\t%.1f", static_cast<int>(seed), change.name, frames,
+                    delta.dot(most * delta));
+        for (const std::size_t after : {30U, 100U, 300U, 700U})
+          if (after < frames)
+            std::printf(
+                "\t%zu+%zu: %.1f", frames - after, after,
+                delta.dot(run.refiner.information_since(frames - after).information * delta));
+        std::printf("\n");
+      }
+    }
+    std::fflush(stdout);
+  }
+}
+
+/// At most `most` frames are offered after the change.
 void change_one(const Change& change, Run run, const TrueBench& truth, const TrueBench& after,
-                Found& found) {
-  constexpr int kMost = 300;
+                int most, Found& found) {
   const int had = run.offered;
   const std::size_t frames = run.refiner.frames();
   ++found.benches;
-  while (!run.refiner.changed() && run.offered - had < kMost) {
+  while (!run.refiner.changed() && run.offered - had < most) {
     const double part =
         change.over > 0 ? std::min(1.0, static_cast<double>(run.offered - had + 1) / change.over)
                         : 1;
@@ -212,8 +298,8 @@ void change_one(const Change& change, Run run, const TrueBench& truth, const Tru
   found.kept_after.push_back(static_cast<double>(changed->after) - static_cast<double>(frames));
 }
 
-void find_changes(const NominalChain& nominal, int benches, std::uint64_t first,
-                  std::size_t before) {
+void find_changes(const NominalChain& nominal, int benches, std::uint64_t first, std::size_t before,
+                  int most, const std::string& only) {
   std::vector<Found> found(changes().size());
   for (int k = 0; k < benches; ++k) {
     const std::uint64_t seed = first + static_cast<std::uint64_t>(k);
@@ -222,14 +308,16 @@ void find_changes(const NominalChain& nominal, int benches, std::uint64_t first,
     if (!run.fly_until(truth, before)) continue;
     for (std::size_t i = 0; i < changes().size(); ++i) {
       const Change& change = changes()[i];
+      if (!std::string(change.name).starts_with(only)) continue;
       const TrueBench after =
           change.by.empty() ? TrueBench(nominal, {}, 50000 + seed) : part_of(truth, change, 1);
       if (i < 7) predict(nominal, run, truth, after, found[i]);
-      change_one(change, run, truth, after, found[i]);
+      change_one(change, run, truth, after, most, found[i]);
     }
   }
   for (std::size_t i = 0; i < changes().size(); ++i) {
     const Found& one = found[i];
+    if (one.benches == 0) continue;
     const auto within = [&](double frames) {
       return std::count_if(one.frames.begin(), one.frames.end(),
                            [&](double at) { return at <= frames; });
@@ -261,7 +349,10 @@ int main(int count, char** arguments) {
   NominalChain nominal;
   nominal.prescription = prescription("model_eye_5_3");
   if (parts.find('g') != std::string::npos) goals(nominal, benches, number(2, 300), first);
+  if (parts.find('r') != std::string::npos) recursive_form(nominal, benches, number(2, 40), first);
+  if (parts.find('b') != std::string::npos) bound(nominal, benches, first);
   if (parts.find('c') != std::string::npos)
-    find_changes(nominal, benches, first, static_cast<std::size_t>(number(5, 100)));
+    find_changes(nominal, benches, first, static_cast<std::size_t>(number(5, 100)), number(6, 300),
+                 count > 7 ? arguments[7] : "");
   return 0;
 }
