@@ -59,7 +59,8 @@ namespace {
 /// where it is not.
 std::string loopback_library(const std::filesystem::path& program) {
   const std::filesystem::path name = "libvitreo_loopback.so";
-  for (const auto& folder : {program.parent_path(), program.parent_path() / "../lib/vitreo/preload"})
+  const std::filesystem::path built = program.parent_path();
+  for (const auto& folder : {built, built / "../lib/vitreo/preload"})
     if (std::filesystem::exists(folder / name)) return (folder / name).lexically_normal().string();
   return "";
 }

@@ -194,8 +194,8 @@ std::string Interlock::unmet() const {
   return "";
 }
 
-// `energized_` is set before the amplifier is commanded, and the watch woken, and cleared after it: an
-// error in between leaves the watch at work on coils that may carry current.
+// `energized_` is set and the watch woken before the amplifier is commanded, and it is cleared
+// after that: an error in between leaves the watch at work on coils that may carry current.
 void Interlock::send(std::span<const double> currents) {
   warm_up();
   if (line_ && !is_zero(currents)) start_beat();
