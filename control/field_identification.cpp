@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace vitreo::control {
 namespace {
@@ -115,6 +116,15 @@ class Model {
     return 1 + doubt_.response * x[unknowns() - 2];
   }
   double sink(const Eigen::VectorXd& x) const { return 1 + doubt_.sink * x[unknowns() - 1]; }
+  /// Of the variances of their unknowns.
+  double response_sigma(double variance) const { return doubt_.response * std::sqrt(variance); }
+  double sink_sigma(double variance) const { return doubt_.sink * std::sqrt(variance); }
+
+  /// T, what the currents of a part make where the robot was.
+  Eigen::Vector3d made(const Row::Part& part, const Eigen::VectorXd& x) const {
+    return (field(x).matrix(part.position) * part.given->currents).head<3>() + background_ +
+           background(x);
+  }
 
   /// m, a displacement, for the unknowns.
   Eigen::Vector3d moved(const Row& row, const CoilField& field, const Eigen::VectorXd& x) const {
@@ -181,8 +191,17 @@ Normal linearize(const Model& model, const std::vector<Row>& rows, const Eigen::
   return sums;
 }
 
-double rms(const Normal& sums, std::size_t rows) {
-  return std::sqrt(sums.squares / (3 * static_cast<double>(rows)));
+/// (m/s)^2, of the velocities that the model does not have.
+double squares_left(const Model& model, const std::vector<Row>& rows, const Eigen::VectorXd& x) {
+  const CoilField field = model.field(x);
+  double squares = 0;
+  for (const Row& row : rows)
+    squares += (row.moved - model.moved(row, field, x)).squaredNorm() / std::pow(row.span, 2);
+  return squares;
+}
+
+double rms(double squares, std::size_t rows) {
+  return std::sqrt(squares / (3 * static_cast<double>(rows)));
 }
 
 }  // namespace
@@ -195,6 +214,110 @@ void FieldDoubt::check() const {
   require(positive(noise) && positive(unexplained), "noise, unexplained: must be above 0");
 }
 
+namespace {
+
+/// Rows of the motions that are fitted, or of those that are not.
+std::vector<Row> rows_of(const std::vector<FieldMotion>& motions, double delay, bool held_out) {
+  std::vector<Row> rows;
+  for (const FieldMotion& motion : motions)
+    if (motion.held_out == held_out) add_rows(motion, delay, rows);
+  return rows;
+}
+
+/// Derivatives of `value` (a 3-vector of the unknowns) by central differences about x.
+template <class Value>
+Eigen::MatrixXd derivatives(const Eigen::VectorXd& x, Value value) {
+  constexpr double kStep = 0.05;  // of a prior's sigma
+  Eigen::MatrixXd by(3, x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    Eigen::VectorXd up = x, down = x;
+    up[i] += kStep;
+    down[i] -= kStep;
+    by.col(i) = (value(up) - value(down)) / (2 * kStep);
+  }
+  return by;
+}
+
+/// Sigma of a vector's strength (relative) and of either coordinate of its direction (rad), of the
+/// covariance of its coordinates.
+std::pair<double, double> strength_and_direction(const Eigen::Vector3d& vector,
+                                                 const Eigen::Matrix3d& covariance) {
+  const Eigen::Vector3d along = vector.normalized();
+  const double strength = along.dot(covariance * along);
+  return {std::sqrt(strength) / vector.norm(),
+          std::sqrt(std::max(0.0, covariance.trace() - strength) / 2) / vector.norm()};
+}
+
+IdentifiedCoil coil_at(const Model& model, const Eigen::VectorXd& x,
+                       const Eigen::MatrixXd& covariance, const Eigen::Vector3d& place, int coil) {
+  const auto made = [&](const Eigen::VectorXd& of) -> Eigen::Vector3d {
+    return model.field(of).matrix(place).col(coil).head<3>();
+  };
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(x.size());
+  const Eigen::Vector3d now = made(x), before = made(none);
+  const Eigen::MatrixXd by = derivatives(x, made), by_before = derivatives(none, made);
+  const auto [gain, angle] = strength_and_direction(now, by * covariance * by.transpose());
+  const auto [gain_before, angle_before] =
+      strength_and_direction(before, by_before * by_before.transpose());
+  const double ratio = now.norm() / before.norm();
+  return {{ratio, ratio * gain},
+          std::atan2(now.cross(before).norm(), now.dot(before)),
+          angle,
+          gain_before,
+          angle_before};
+}
+
+/// Of the field's direction at the currents in use, rms over some of the rows.
+double direction_sigma(const Model& model, const std::vector<Row>& rows, const Eigen::VectorXd& x,
+                       const Eigen::MatrixXd& covariance) {
+  const std::size_t every = std::max<std::size_t>(1, rows.size() / 40);
+  double squares = 0;
+  int count = 0;
+  for (std::size_t i = 0; i < rows.size(); i += every, ++count) {
+    const Row::Part& part = rows[i].parts.front();
+    const auto made = [&](const Eigen::VectorXd& of) { return model.made(part, of); };
+    const Eigen::MatrixXd by = derivatives(x, made);
+    const auto found = strength_and_direction(made(x), by * covariance * by.transpose());
+    squares += std::pow(found.second, 2);
+  }
+  return std::sqrt(squares / std::max(1, count));
+}
+
+Eigen::Vector3d middle_of(const std::vector<Row>& rows) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Row& row : rows) sum += row.parts.front().position;
+  return sum / static_cast<double>(rows.size());
+}
+
+/// How much larger the squares are than noise and prior say, at least 1.
+double excess(const Model& model, const std::vector<Row>& rows, const Eigen::VectorXd& x) {
+  const CoilField field = model.field(x);
+  double squares = 0;
+  for (const Row& row : rows)
+    squares +=
+        (row.moved - model.moved(row, field, x)).squaredNorm() / std::pow(model.sigma(row), 2);
+  return std::max(1.0, squares / (3 * static_cast<double>(rows.size())));
+}
+
+FieldIdentification result_of(const Model& model, const std::vector<Row>& rows,
+                              const Eigen::VectorXd& x, const Eigen::MatrixXd& information) {
+  const Eigen::Index n = model.unknowns();
+  const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(n, n);
+  const Eigen::LLT<Eigen::MatrixXd> factored(information / excess(model, rows, x) + one);
+  FieldIdentification found{model.field(x), model.background(x)};
+  found.covariance = factored.solve(one);
+  found.response = {model.response(x), model.response_sigma(found.covariance(n - 2, n - 2))};
+  found.sink = {model.sink(x), model.sink_sigma(found.covariance(n - 1, n - 1))};
+  const Eigen::Vector3d middle = middle_of(rows);
+  for (int k = 0; k < found.field.coils(); ++k)
+    found.coils.push_back(coil_at(model, x, found.covariance, middle, k));
+  found.direction_believed = direction_sigma(model, rows, Eigen::VectorXd::Zero(n), one);
+  found.direction_sigma = direction_sigma(model, rows, x, found.covariance);
+  return found;
+}
+
+}  // namespace
+
 // The minimum of |d - f(x)|^2 / sigma^2 + |x|^2: x has unit variance beforehand, and (J'J + 1)^-1
 // afterwards.
 FieldIdentification identify_field(const CoilField& believed, const Robot& robot,
@@ -203,36 +326,55 @@ FieldIdentification identify_field(const CoilField& believed, const Robot& robot
                                    const Eigen::Vector3d& background) {
   doubt.check();
   require(not_negative(delay) && delay < 1, "delay: must be within 0 and 1 s");
-  std::vector<Row> rows;
-  for (const FieldMotion& motion : motions) {
-    check(motion, believed.coils());
-    add_rows(motion, delay, rows);
-  }
+  for (const FieldMotion& motion : motions) check(motion, believed.coils());
+  const std::vector<Row> rows = rows_of(motions, delay, false);
   constexpr std::size_t kFewest = 100;
   if (rows.size() < kFewest)
     throw std::domain_error("the robot was not seen to move for long enough: 50 s are wanted");
   const Model model(believed, robot, medium, doubt, background);
   const Eigen::Index n = model.unknowns();
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(n);
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(n);
+  Eigen::VectorXd x = none;
   Normal sums = linearize(model, rows, x);
-  const double before = rms(sums, rows.size());
-  Eigen::LLT<Eigen::MatrixXd> factored;
+  const double before = rms(sums.squares, rows.size());
   for (int round = 0; round < kRounds; ++round) {
-    factored.compute(sums.information + Eigen::MatrixXd::Identity(n, n));
-    x += factored.solve(sums.right - x);
+    const Eigen::MatrixXd whole = sums.information + Eigen::MatrixXd::Identity(n, n);
+    x += whole.llt().solve(sums.right - x);
     sums = linearize(model, rows, x);
   }
-  const Eigen::MatrixXd covariance = factored.solve(Eigen::MatrixXd::Identity(n, n));
-  FieldIdentification found{model.field(x), model.background(x), {}, {}, {}};
-  found.response = {model.response(x), doubt.response * std::sqrt(covariance(n - 2, n - 2))};
-  found.sink = {model.sink(x), doubt.sink * std::sqrt(covariance(n - 1, n - 1))};
-  for (Eigen::Index k = 0; k < believed.coils(); ++k)
-    found.gains.push_back({1 + doubt.coils.gain * x[kOfCoil * k],
-                           doubt.coils.gain * std::sqrt(covariance(kOfCoil * k, kOfCoil * k))});
-  found.before = before;
-  found.after = rms(sums, rows.size());
-  found.rows = static_cast<int>(rows.size());
+  FieldIdentification found = result_of(model, rows, x, sums.information);
+  found.fitted = {before, rms(sums.squares, rows.size()), static_cast<int>(rows.size())};
+  const std::vector<Row> others = rows_of(motions, delay, true);
+  if (!others.empty())
+    found.held_out = {rms(squares_left(model, others, none), others.size()),
+                      rms(squares_left(model, others, x), others.size()),
+                      static_cast<int>(others.size())};
   return found;
+}
+
+// B_1 r^-2 P_1 with grad Psi = B is the dipole with mu0 m / 4 pi = -B_1 axis.
+std::optional<DipoleModel> dipoles_of(const FieldModel& model) {
+  if (model.dipoles() != nullptr) return DipoleModel{*model.dipoles(), model.uniform_background()};
+  constexpr double kPerMoment = 1e-7;  // mu0 / 4 pi, T m/A
+  const MultipoleField& multipoles = *model.multipoles();
+  const auto none = [](const std::vector<double>& of, std::size_t from) {
+    return std::all_of(of.begin() + static_cast<std::ptrdiff_t>(std::min(from, of.size())),
+                       of.end(), [](double coefficient) { return coefficient == 0; });
+  };
+  std::vector<Dipole> dipoles;
+  for (const MultipoleField::Sources& coil : multipoles.sources()) {
+    if (coil.size() != 1 || coil[0].irregular.empty() || !none(coil[0].irregular, 1) ||
+        !none(coil[0].regular, 0))
+      return std::nullopt;
+    dipoles.push_back({coil[0].position, -coil[0].irregular[0] / kPerMoment * coil[0].axis});
+  }
+  Eigen::Vector3d uniform = model.uniform_background();
+  for (const MultipoleSource& source : multipoles.background_sources()) {
+    if (source.regular.empty() || !none(source.regular, 1) || !none(source.irregular, 0))
+      return std::nullopt;
+    uniform += source.regular[0] * source.axis;
+  }
+  return DipoleModel{CoilField(std::move(dipoles)), uniform};
 }
 
 }  // namespace vitreo::control

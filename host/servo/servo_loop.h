@@ -109,6 +109,7 @@ struct Servo::Loop {
   std::optional<Interlock::Heartbeat> heartbeat;  // while the loop runs
   Mode mode = Mode::holding;
   bool was_constant = false;  // the currents, a turn ago
+  bool was_paired = false;    // the last position: by both cameras
   ReferencePath reference;
   Eigen::Vector3d goal{0, 0, 0};  // m, the end of the reference
   bool starting = false;          // the reference's time has not begun

@@ -19,6 +19,9 @@ limits.field = 0.01 -- that the field's fit may leave, relative
 limits.field_largest = 1 * mT
 limits.background = 500 * uT
 limits.robot = { least = 0.4, most = 2.5, sigma = 0.15 } -- of drag and moment, over what outline and volume say
+-- Of calibrate_field: the velocity that a model leaves is this part of what it was, or already as small as another calibration
+-- would leave it; a coil differs by five sigmas of how far two calibrations of one machine do.
+limits.by_motion = { better = 0.7, unexplained = 30 * units.um / s, gain = 0.15, angle = 8 * deg }
 limits.grid = 3 * mm -- half the width of the cameras' grid
 
 --- A camera's fit (calibrations.camera) against what is believed of it; `own`: pixel, residual_px.

@@ -4,6 +4,7 @@
 #include "control/field_identification.h"
 
 #include "control/allocation.h"
+#include "control/multipole_fit.h"
 
 #include <Eigen/LU>
 #include <Eigen/QR>
@@ -101,9 +102,15 @@ TEST_P(Identified8, AModelOfItsMotionIsNearerToTheMachineThanTheBelieved) {
   for (const Eigen::Vector3d& axis :
        {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0.6, 0, 0.8)})
     motions.push_back(flight(machine, believed, robot, medium, axis, 40, random));
+  motions.push_back(flight(machine, believed, robot, medium, {0.6, 0.64, 0.48}, 40, random));
+  motions.back().held_out = true;
   const FieldIdentification found = identify_field(believed, robot, medium, motions, kDelay);
-  EXPECT_LT(found.after, 0.3 * found.before) << "of the velocity that was not explained";
-  EXPECT_GT(found.rows, 150);
+  EXPECT_LT(found.fitted.after, 0.3 * found.fitted.before)
+      << "of the velocity that was not explained";
+  EXPECT_GT(found.fitted.rows, 150);
+  // A direction of the axis that was not fitted.
+  EXPECT_LT(found.held_out.after, 0.4 * found.held_out.before);
+  EXPECT_GT(found.held_out.rows, 50);
   // The force of currents as they are allocated, where the robot did not go.
   double before = 0, after = 0;
   for (const Eigen::Vector3d& p :
@@ -127,13 +134,41 @@ TEST_P(Identified8, AModelOfItsMotionIsNearerToTheMachineThanTheBelieved) {
               .squaredNorm();
     }
   EXPECT_LT(std::sqrt(after), 0.4 * std::sqrt(before));
-  for (const Identified& gain : found.gains) {
-    EXPECT_GT(gain.sigma, 0);
-    EXPECT_LE(gain.sigma, 0.03) << "no less is known than before";
+  double squares = 0;
+  for (std::size_t k = 0; k < found.coils.size(); ++k) {
+    const IdentifiedCoil& coil = found.coils[k];
+    EXPECT_GT(coil.gain.sigma, 0);
+    EXPECT_LE(coil.gain.sigma, coil.gain_believed) << "no less is known than before";
+    EXPECT_LE(coil.angle_sigma, coil.angle_believed);
+    const auto column = static_cast<Eigen::Index>(k);
+    const double gain = machine.field.matrix({0, 0, 0}).col(column).head<3>().norm() /
+                        believed.matrix({0, 0, 0}).col(column).head<3>().norm();
+    squares += std::pow((coil.gain.value - gain) / coil.gain.sigma, 2);
   }
+  // Eight numbers whose sigmas are right have a mean of 1, beyond 3 in one of a thousand.
+  EXPECT_LT(squares / 8, 3);
+  EXPECT_LT(found.direction_sigma, 0.7 * found.direction_believed);
 }
 
 INSTANTIATE_TEST_SUITE_P(Machines, Identified8, testing::Values(1, 2, 3));
+
+// As calibrate_coils and calibrate_field write it, with a background.
+TEST(FieldIdentification, AFileOfOneDipoleACoilIsTakenForDipolesAgain) {
+  const CoilField field = CoilField::octomag();
+  const Region box{Eigen::Vector3d::Constant(-0.01), Eigen::Vector3d::Constant(0.01)};
+  const MultipoleField plain = multipoles_like(field, 1, box);
+  const Eigen::Vector3d earth(20e-6, 0, -40e-6);
+  const FieldModel read =
+      MultipoleField(plain.sources(), {{{0, 0, 0}, earth.normalized(), {earth.norm()}, {}}}, box);
+  const auto dipoles = dipoles_of(read);
+  ASSERT_TRUE(dipoles);
+  EXPECT_LT((dipoles->background - earth).norm(), 1e-12);
+  const Eigen::Vector3d place(2e-3, -1e-3, 3e-3);
+  EXPECT_LT((dipoles->field.matrix(place) - field.matrix(place)).norm(),
+            1e-9 * field.matrix(place).norm());
+  MultipoleSource higher{{0, 0, 0.1}, {0, 0, 1}, {}, {1e-6, 1e-9}};
+  EXPECT_FALSE(dipoles_of(MultipoleField({{higher}}, {}, box))) << "of the second order";
+}
 
 TEST(FieldIdentification, TooLittleMotionAndBadNumbersAreRefused) {
   const CoilField believed = CoilField::octomag();

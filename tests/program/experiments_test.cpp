@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <cmath>
 #include <ctime>
 #include <fstream>
 #include <iomanip>
@@ -153,6 +154,35 @@ TEST(Calibrations, CamerasAndLatencyAreAcceptedOnTheSimulatedRig) {
       EXPECT_NEAR(results["loop_latency"], 130e-3, 15e-3);
     }
   }
+}
+
+// The robot's motion alone, and what it makes of the field is in force at the next start. A machine
+// drawn from another seed than any other test's.
+TEST(Calibrations, TheFieldIsKnownByTheRobotsMotionAndInForceAtTheNextStart) {
+  const Workplace place;
+  place.write("motion.lua",
+              "return { base = 'simulated', title = 'one that is calibrated', calibrations = { "
+              "installed = { file = 'motion.json', valid_days = 90 } } }");
+  const Spoken first =
+      place.vitreo("run calibrate_field feedback=pose_sensor --seed 4021 --json --rig motion.lua");
+  ASSERT_EQ(first.exit_code, 0) << first.out << first.err;
+  const auto before = nlohmann::json::parse(first.out)["results"];
+  EXPECT_LT(before["unexplained_after"], 0.5 * double(before["unexplained_before"]));
+  EXPECT_LT(before["direction_error_after"], 0.5 * double(before["direction_error_before"]));
+  EXPECT_LT(before["direction_error_after"], 0.0175) << "a degree";
+  // Two coordinates of what was stated, and three sigmas.
+  EXPECT_LT(before["direction_error_after"],
+            3 * std::sqrt(2.0) * double(before["direction_sigma_after"]));
+  const auto values = nlohmann::json::parse(place.read("runs/calibrations/motion.json"))["values"];
+  for (const char* key :
+       {"model.calibration", "model.drag_across", "model.drag_along", "model.moment"})
+    EXPECT_TRUE(values.contains(key)) << key;
+  place.write("believed.lua",
+              "return { title = 'What is believed', needs = { 'coils' }, parameters = {}, run = "
+              "function(rig, _, run) run:result('moment', rig:model().identified.moment) end }");
+  const Spoken next = place.vitreo("run believed.lua --json --rig motion.lua");
+  ASSERT_EQ(next.exit_code, 0) << next.out << next.err;
+  EXPECT_EQ(nlohmann::json::parse(next.out)["results"]["moment"], values["model.moment"]["value"]);
 }
 
 /// The rig of calibrate_rig with a camera of a quarter of the pixels and none at the side: nothing

@@ -301,6 +301,7 @@ std::vector<Argument> servo_options() {
 /// The rig's rows are in three files: those of the fixed roles here, the others beside.
 Class with_rows(Class made) {
   for (Binding& row : rig_model_rows()) made.methods.push_back(std::move(row));
+  for (Binding& row : rig_field_rows()) made.methods.push_back(std::move(row));
   for (Binding& row : rig_instrument_rows()) made.methods.push_back(std::move(row));
   return made;
 }

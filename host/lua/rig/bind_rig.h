@@ -24,6 +24,8 @@ void push_run(lua_State* L);
 int open_servo(Call& call);
 /// What the rig believes: its eye, its view, its numbers.
 std::vector<Binding> rig_model_rows();
+/// The field of its coils by the robot's own motion.
+std::vector<Binding> rig_field_rows();
 /// The fields identity, name, serial and firmware of an instrument's info().
 void set_identity(ResultTable& table, const Identity& identity);
 /// Their rows, and `more` behind them.

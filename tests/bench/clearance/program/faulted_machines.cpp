@@ -2,10 +2,12 @@
 // the product's controller and a late, noisy position sensor; a fault or two of amplifiers, coils,
 // sensor, latency and fluid each run. Judged by dense samples of the true surface.
 // clearance_approaches runs the same through the whole host, a thousand times slower. Usage:
-// faulted_machines [first] [runs] [margin in mm] [faults a run]
+// faulted_machines [first] [runs] [margin in mm] [faults a run] [unwatched: without the plant
+// watch]
 // SPDX-License-Identifier: Apache-2.0
 #include "control/robots.h"
 #include "devices/sim/laboratory.h"
+#include "host/servo/plant_watch.h"
 #include "host/servo/robot_clearance.h"
 #include "host/servo/servo_controller.h"
 #include "optics/system/prescriptions.h"
@@ -104,8 +106,8 @@ struct Outcome {
 
 class Run {
  public:
-  Run(std::uint64_t seed, double margin, int faults)
-      : random_(seed * 6364136223846793005U + 1442695040888963407U) {
+  Run(std::uint64_t seed, double margin, int faults, bool watches)
+      : random_(seed * 6364136223846793005U + 1442695040888963407U), watches_(watches) {
     upright_ = seed % 2 == 0;
     model_.eye = optics::model_eye_5_3();
     model_.robot = control::coni_2mm();
@@ -126,6 +128,7 @@ class Run {
   Outcome run() {
     ServoController controller(model_, settings_);
     controller.keep_out(&*surface_);
+    PlantWatch watch(model_);
     const Eigen::Vector3d high(0.3e-3, 0, -5e-3 + (upright_ ? 1e-3 : 0.5e-3) + 1.5e-3);
     world_->insert_robot(Time(0), high);
     // Down to 1 mm inside of the retina, at 1 mm/s: what no call would take.
@@ -152,6 +155,8 @@ class Run {
           const ControlStep step = controller.step(time, measured, path, ControlMode::follow);
           if (!step.passed_over) seen = time;
           if (step.currents.size() > 0) order(time, step.currents);
+          let_go = watches_ && doubts(watch, time, measured, step, controller);
+          if (let_go) order(time, control::Currents::Zero(8));
         }
       }
       if (!let_go && time - seen > kLost) {
@@ -185,6 +190,19 @@ class Run {
     body_ =
         samples::spheroid(model_.robot.semi_axis * size, model_.robot.semi_radius * size, 90, 48);
     world_.emplace(world, sim::seed_for(seed, sim::Purpose::world));
+  }
+
+  /// As the servo loop's watch_plant: whether what the robot does says that coils or view fail.
+  bool doubts(PlantWatch& watch, double time, const control::PositionMeasurement& measured,
+              const ControlStep& step, const ServoController& controller) const {
+    constexpr double kFree = 0.3e-3;  // m: nearer a wall may hold it, as there
+    if (surface_->at(measured.position)->nearest().distance <= kFree)
+      watch.forget();
+    else
+      watch.measured(measured.time, measured.position, measured.covariance, Eigen::Matrix3d::Zero(),
+                     step.estimate ? step.estimate->delay : 0);
+    watch.commanded(time, told_, controller.drag_at(measured.position).inverse());
+    return !watch.fault().empty() || watch.standing();
   }
 
   const Fault* active(Kind kind, double time) const {
@@ -252,6 +270,7 @@ class Run {
 
   std::mt19937_64 random_;
   std::normal_distribution<double> normal_;
+  bool watches_ = true;
   bool upright_ = false;
   RigModel model_;
   ControllerSettings settings_;
@@ -271,7 +290,7 @@ class Run {
   bool obeyed_ = true;
 };
 
-void study(std::uint64_t first, int count, double margin, int faults) {
+void study(std::uint64_t first, int count, double margin, int faults, bool watches) {
   int touched = 0;
   int unable = 0;
   int sank = 0;
@@ -281,12 +300,13 @@ void study(std::uint64_t first, int count, double margin, int faults) {
   for (int k = 0; k < count; ++k) {
     const std::uint64_t seed = first + static_cast<std::uint64_t>(k);
     try {
-      const Outcome one = Run(seed, margin, faults).run();
+      const Outcome one = Run(seed, margin, faults, watches).run();
       touched += one.touched && !one.unable ? 1 : 0;
       unable += one.unable ? 1 : 0;
       sank += one.sank ? 1 : 0;
       least.push_back(one.least);
       if (one.touched) ++by[one.faults + (one.unable ? "(not obeyed)" : "")];
+      if (one.sank) ++by[one.faults + "(after the loop had let go)"];
     } catch (const std::exception& error) {
       ++threw;
       ++by[error.what()];
@@ -313,6 +333,7 @@ int main(int argc, char** argv) {
   const int count = argc > 2 ? std::atoi(argv[2]) : 100;
   const double margin = argc > 3 ? std::atof(argv[3]) * 1e-3 : 0.3e-3;
   const int faults = argc > 4 ? std::atoi(argv[4]) : 1;
-  vitreo::approaches::study(first, count, margin, faults);
+  const bool watches = argc <= 5 || std::string(argv[5]) != "unwatched";
+  vitreo::approaches::study(first, count, margin, faults, watches);
   return 0;
 }

@@ -57,8 +57,9 @@ void field_study(const MachineSetting& setting, std::uint64_t first, int count) 
     duration = made.duration;
     std::printf(
         "  seed %llu: %d displacements, left over %.1f um/s (%.1f before), response %.3f +- %.3f\n",
-        static_cast<unsigned long long>(one.seed), made.found->rows, made.found->after * 1e6,
-        made.found->before * 1e6, made.found->response.value, made.found->response.sigma);
+        static_cast<unsigned long long>(one.seed), made.found->fitted.rows,
+        made.found->fitted.after * 1e6, made.found->fitted.before * 1e6, made.found->response.value,
+        made.found->response.sigma);
     for (const bool after : {false, true}) {
       if (after) one.belief = made.belief;
       const auto put = [after](Column& column, double value) {
