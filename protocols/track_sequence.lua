@@ -105,8 +105,34 @@ local function covariance_text(track)
   return table.concat(words, " ")
 end
 
-local function write_tracks(tracks)
-  local lines = { "frame,state,x_px,y_px,major_px,minor_px,angle_deg,covariance,microseconds" }
+-- Where a person pointed at the head's end: rows of name, x_px, y_px, into the entries of the training with those names.
+local function point_at_tips(training, path)
+  local by_name = {}
+  for _, entry in ipairs(training) do
+    by_name[entry.name] = entry
+  end
+  for i, row in ipairs(files.read_csv(path).rows) do
+    local entry = by_name[row.name]
+    if not entry then error(("tips: row %d: no training image has the name %s"):format(i, tostring(row.name)), 0) end
+    entry.tip = { x_px = row.x_px, y_px = row.y_px }
+  end
+end
+
+-- The last columns of track.csv where tips were taught.
+local function head_cells(track)
+  local tip = track.tip
+  return table.concat({
+    show(track.heading and track.heading / deg),
+    show(tip and tip.x_px),
+    show(tip and tip.y_px),
+    tip and ("%.6g %.6g %.6g %.6g"):format(table.unpack(tip.covariance)) or "",
+    tip and tostring(tip.seen) or "",
+  }, ",")
+end
+
+local function write_tracks(tracks, with_head)
+  local head = "frame,state,x_px,y_px,major_px,minor_px,angle_deg,covariance,microseconds"
+  local lines = { head .. (with_head and ",heading_deg,tip_x_px,tip_y_px,tip_covariance,tip_seen" or "") }
   for _, t in ipairs(tracks) do
     lines[#lines + 1] = table.concat({
       ("%d"):format(t.frame),
@@ -118,7 +144,7 @@ local function write_tracks(tracks)
       show(t.angle and t.angle / deg),
       covariance_text(t),
       ("%.1f"):format(1e6 * t.cpu_time),
-    }, ",")
+    }, ",") .. (with_head and "," .. head_cells(t) or "")
   end
   files.write("track.csv", table.concat(lines, "\n") .. "\n")
 end
@@ -221,6 +247,7 @@ return {
   parameters = {
     images = { required = true, help = "a folder of PNG frames, or a video file" },
     training = { required = true, help = "a folder of images NAME.png with masks NAME_mask.png" },
+    tips = { default = "", help = "csv: name, x_px, y_px: where the head ends in training images, for heading and tip" },
     truth = { default = "", help = "csv: frame, cx, cy, A, B, phi_deg, visible" },
     truth_axes = { choices = { "full", "semi" }, default = "full", help = "what A and B of the truth are" },
     channels = { default = "RGB", help = "that the color model looks at: RGB, or a pair such as RG, YV, HS" },
@@ -231,6 +258,7 @@ return {
   run = function(rig, p, run)
     local next_frame, count = open_frames(p.images)
     local training = vision.training { folder = p.training }
+    if p.tips ~= "" then point_at_tips(training, p.tips) end
     local model = vision.color_model { images = training, channels = p.channels }
     model:save("object.model")
     local quality = model:info().quality
@@ -265,7 +293,7 @@ return {
     end
     if #tracks == 0 then error("images: there is no frame in " .. p.images, 0) end
     if p.truth ~= "" then judge(run, tracks, p) end
-    write_tracks(tracks)
+    write_tracks(tracks, p.tips ~= "")
     local tracked = 0
     for _, t in ipairs(tracks) do
       tracked = tracked + (t.x_px and 1 or 0)

@@ -5,6 +5,7 @@
 #include "vision/preconditions.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -12,10 +13,18 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr double kAxesGain = 0.03;     // share of a new measurement in the slow mean of the axes
+constexpr double kAxesGain = 0.03;  // share of a new measurement in the slow mean of the axes
+// Of the size that both axes share, an alpha-beta filter (gains of scale and of its change): a zoom
+// of one percent a frame is followed without lag.
+constexpr double kScaleGain = 0.05;
+constexpr double kGrowthGain = 0.00125;
+constexpr double kMostGrowth = 0.03;
 constexpr double kVelocityGain = 0.6;  // share of the last step in the velocity
-constexpr double kMostSize = 0.35;     // of an axis against the masks' mean, relative
-constexpr double kAxesSigma = 1.0;     // px, of semi-axes against their slow mean
+constexpr double kMostAspect = 0.35;   // of an axis against the masks' at the same size, relative
+// Sizes that are searched besides the known one, in turn.
+constexpr std::array<double, 5> kSizes{0.7, 1.4, 0.5, 2.0, 1.0};
+constexpr double kOtherSize = 0.22;  // natural logarithm, from which a size is another one
+constexpr double kAxesSigma = 1.0;   // px, of semi-axes against their slow mean
 // Inlier fraction above which the rim is visible enough for its inside to be judged.
 constexpr double kJudgedRim = 0.45;
 // A measurement from a rough position that ends this near to it (px) with this inlier fraction
@@ -28,6 +37,13 @@ constexpr double kCenterSigma = 5.0;  // px, of the predicted center
 constexpr double kSureRim = 0.75;
 constexpr double kSureSupport = 0.6;
 constexpr double kSureAgainst = 0.1;
+
+// Of a heading: chance that it is another one in the next image, share of an image's log odds that
+// counts, what is reported, and the share of the rim from which both ends are seen.
+constexpr double kFlipped = 1e-4;
+constexpr double kHeadShare = 0.4;
+constexpr double kSureHead = 0.99;
+constexpr double kWholeRim = 0.6;
 
 bool within_share(double value, double mean, double share) {
   return std::abs(value - mean) <= share * mean;
@@ -56,6 +72,8 @@ void ColorTrackerSettings::check() const {
   require(min_support >= 0 && min_support <= 1, "min_support: must be 0 to 1");
   require(max_against >= 0 && max_against <= 1, "max_against: must be 0 to 1");
   require(axis_change > 0 && axis_change <= 1, "axis_change: must be above 0, at most 1");
+  require(least_size > 0.1 && least_size <= 1 && most_size >= 1 && most_size <= 4,
+          "least_size, most_size: must be 0.1 to 1 and 1 to 4");
   require(jump_px > 0 && jump_px <= 1000, "jump_px: must be above 0, at most 1000");
   require(coast_frames >= 0 && coast_frames <= 1000, "coast_frames: must be 0 to 1000");
   require(coast_px >= 0 && coast_px <= 20, "coast_px: must be 0 to 20");
@@ -84,7 +102,11 @@ struct ColorTracker::State : TrackMemory {
   Ellipse expected() const;
   bool near_expected(const cv::Mat& image, const Owned& owned, Track& track);
   bool anywhere(const cv::Mat& image, const Owned& owned, Track& track);
-  void search_in(const LogColor& gains, const cv::Mat& image, const Owned& owned);
+  void search_in(const LogColor& gains, const Eigen::Vector2d& axes, const cv::Mat& image,
+                 const Owned& owned);
+  Eigen::Vector2d trained_axes() const;
+  double size_of(const Ellipse& e) const;
+  const FalseBelief::Asked& asked_of(const Ellipse& e) const;
   bool good(const Observation& seen, const Ellipse& start, const Eigen::Vector2d& axes, double jump,
             double inliers) const;
   LookWorth worth_of(const Observation& seen) const;
@@ -99,6 +121,7 @@ struct ColorTracker::State : TrackMemory {
   void report(const cv::Mat& image, const Judged& look, Track& track);
   EllipseMeasurement calibrated(const Judged& look) const;
   void learn_light(const cv::Mat& image, const Judged& look);
+  void head_of(const cv::Mat& image, Track& track);
   void not_seen();
 
   ObjectModel model;
@@ -124,7 +147,8 @@ bool ColorTracker::State::in_image(const Ellipse& e) const {
 // Angles are modulo pi, as an ellipse has no head.
 Ellipse ColorTracker::State::expected() const {
   const double frames = std::min(unseen + 1, 3);
-  Ellipse e{last.center_px + frames * velocity_px, axes_px.x(), axes_px.y(),
+  const double grown = std::exp(frames * growth);
+  Ellipse e{last.center_px + frames * velocity_px, grown * axes_px.x(), grown * axes_px.y(),
             last.angle + frames * turn};
   e.angle = std::remainder(e.angle, std::numbers::pi);
   return e;
@@ -141,10 +165,11 @@ bool ColorTracker::State::good(const Observation& seen, const Ellipse& start,
   if (!in_image(e) || (e.center_px - start.center_px).norm() > jump) return false;
   if (!within_share(e.semi_major_px, axes.x(), settings.axis_change)) return false;
   if (!within_share(e.semi_minor_px, axes.y(), settings.axis_change)) return false;
-  const Eigen::Vector2d trained =
-      model.semi_axes_px + (settings.view.refine ? model.rim : model.segment).semi_axes_px;
-  if (!within_share(e.semi_major_px, trained.x(), kMostSize) ||
-      !within_share(e.semi_minor_px, trained.y(), kMostSize))
+  const double size = size_of(e);
+  if (size < settings.least_size || size > settings.most_size) return false;
+  const Eigen::Vector2d trained = size * trained_axes();
+  if (!within_share(e.semi_major_px, trained.x(), kMostAspect) ||
+      !within_share(e.semi_minor_px, trained.y(), kMostAspect))
     return false;
   // Where the rim is hidden the inside may be too; a whole rim around ground is a crossing of
   // vessels.
@@ -153,10 +178,26 @@ bool ColorTracker::State::good(const Observation& seen, const Ellipse& start,
   return seen.support >= settings.min_support;
 }
 
+// As a look measures them, with the bias that training found.
+Eigen::Vector2d ColorTracker::State::trained_axes() const {
+  return model.semi_axes_px + (settings.view.refine ? model.rim : model.segment).semi_axes_px;
+}
+
+// Against the masks: the factor that both axes have in common.
+double ColorTracker::State::size_of(const Ellipse& e) const {
+  return std::sqrt(e.semi_major_px * e.semi_minor_px / trained_axes().prod());
+}
+
+// The audit asks for the trained size and for the others apart: what has the one size on a ground
+// need not have another.
+const FalseBelief::Asked& ColorTracker::State::asked_of(const Ellipse& e) const {
+  return std::abs(std::log(size_of(e))) < kOtherSize ? model.audit.as_trained : model.audit.resized;
+}
+
 // What looks of this kind were worth in training; of one without a rim nothing is known.
 LookWorth ColorTracker::State::worth_of(const Observation& seen) const {
   if (!settings.view.refine || !seen.measured || model.looks.empty()) return {};
-  return model.looks.worth(features_of(seen));
+  return model.looks.worth(features_of(seen, size_of(seen.measured->ellipse)));
 }
 
 // Subtracts the mean bias of the axes found in training and adds the covariance of the rest, which
@@ -167,9 +208,11 @@ EllipseMeasurement ColorTracker::State::calibrated(const Judged& look) const {
   const Calibration& calibration = settings.view.refine ? model.rim : model.segment;
   const EllipseMeasurement& raw = *look.seen.measured;
   EllipseMeasurement result = raw;
-  result.ellipse.semi_major_px -= calibration.semi_axes_px.x();
-  result.ellipse.semi_minor_px = std::min(raw.ellipse.semi_minor_px - calibration.semi_axes_px.y(),
-                                          result.ellipse.semi_major_px);
+  // What an outline that is no ellipse, and its shading, do to the axes grows with it.
+  const Eigen::Vector2d bias = size_of(raw.ellipse) * calibration.semi_axes_px;
+  result.ellipse.semi_major_px -= bias.x();
+  result.ellipse.semi_minor_px =
+      std::min(raw.ellipse.semi_minor_px - bias.y(), result.ellipse.semi_major_px);
   Eigen::Matrix<double, 5, 1> scale;
   scale << Eigen::Vector2d::Constant(std::sqrt(look.worth.center)),
       Eigen::Vector3d::Constant(std::sqrt(look.worth.shape));
@@ -186,9 +229,14 @@ void ColorTracker::State::follow(const Ellipse& e, double inliers) {
   const double turned = std::remainder(e.angle - last.angle, std::numbers::pi) / frames;
   velocity_px = step + (1 - kVelocityGain) * (velocity_px - step);
   turn = std::clamp(turned + (1 - kVelocityGain) * (turn - turned), -0.15, 0.15);
+  axes_px *= std::exp(std::min(frames, 3.0) * growth);
   // A half hidden object's axes are those of the prior: they carry no information.
-  if (inliers > 0.7)
+  if (inliers > 0.7) {
+    const double larger = std::log(e.semi_major_px * e.semi_minor_px / axes_px.prod()) / 2;
+    axes_px *= std::exp(kScaleGain * larger);
+    growth = std::clamp(growth + kGrowthGain * larger / frames, -kMostGrowth, kMostGrowth);
     axes_px += kAxesGain * (Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) - axes_px);
+  }
   last = e;
   unseen = 0;
 }
@@ -199,15 +247,19 @@ void ColorTracker::State::find(const cv::Mat& image, const Observation& seen) {
   const Ellipse& e = seen.measured->ellipse;
   velocity_px.setZero();
   turn = 0;
-  if (state == TrackState::searching) axes_px = {e.semi_major_px, e.semi_minor_px};
+  growth = 0;
+  if (state == TrackState::searching || std::abs(std::log(size_of(e) / size_of(last))) > kOtherSize)
+    axes_px = {e.semi_major_px, e.semi_minor_px};
   last = e;
   unseen = 0;
   found_px = e.center_px;
+  heading_odds = 0;
   found_ground = GroundRing(image, e);
 }
 
 void ColorTracker::State::report(const cv::Mat& image, const Judged& look, Track& track) {
   believed = last;
+  believed_axes_px = axes_px;
   agreed = 0;
   state = TrackState::tracking;
   track.measured = calibrated(look);
@@ -215,6 +267,34 @@ void ColorTracker::State::report(const cv::Mat& image, const Judged& look, Track
   track.area_px = look.seen.segment.area_px;
   track.iterations = look.seen.iterations;
   learn_light(image, look);
+  if (!model.head.empty()) head_of(image, track);
+}
+
+// The end that is the head keeps its end while it is followed: the odds of the images add up, each
+// for less than it claims, as what misleads one misleads the next. Between two images a tracker may
+// have taken another body, or turned it: a small chance that bounds the odds.
+void ColorTracker::State::head_of(const cv::Mat& image, Track& track) {
+  const Ellipse& e = track.measured->ellipse;
+  const double away = std::remainder(e.angle - heading, 2 * std::numbers::pi);
+  heading = std::abs(away) < std::numbers::pi / 2
+                ? e.angle
+                : std::remainder(e.angle + std::numbers::pi, 2 * std::numbers::pi);
+  Ellipse along = e;
+  along.angle = heading;
+  const double before = 1 / (1 + std::exp(-heading_odds));
+  const double kept = before + kFlipped * (1 - 2 * before);
+  heading_odds = std::log(kept / (1 - kept));
+  // A hidden end says nothing.
+  if (track.measured->inlier_fraction > kWholeRim)
+    heading_odds += kHeadShare * model.head.log_odds(image, along);
+  if (heading_odds < 0) {
+    heading = std::remainder(heading + std::numbers::pi, 2 * std::numbers::pi);
+    heading_odds = -heading_odds;
+  }
+  const double probability = 1 / (1 + std::exp(-heading_odds));
+  if (probability < kSureHead) return;
+  track.heading = Heading{heading, probability};
+  track.tip = model.head.tip(image, *track.measured, heading);
 }
 
 // Only of a whole rim around the object's colors: what hides a part of it, or lies over it, has a
@@ -242,9 +322,10 @@ bool ColorTracker::State::moved(const cv::Mat& image, const Judged& look) const 
 // the ground does.
 void ColorTracker::State::confirm(const cv::Mat& image, const Judged& look, Track& track) {
   ++agreed;
-  margin = std::min(margin, look.worth.likeness - model.audit.most_likeness);
+  const FalseBelief::Asked& asked = asked_of(look.seen.measured->ellipse);
+  margin = std::min(margin, look.worth.likeness - asked.most_likeness);
   track.margin = margin;
-  const bool sure = model.audit.answered == 0 || margin > settings.sure_margin;
+  const bool sure = asked.answered == 0 || margin > settings.sure_margin;
   if (agreed >= settings.confirm_frames && (sure || moved(image, look)))
     report(image, look, track);
   else
@@ -256,6 +337,8 @@ void ColorTracker::State::drop_candidate() {
   if (agreed == 0) return;
   agreed = 0;
   last = believed;
+  axes_px = believed_axes_px;
+  growth = 0;
   velocity_px.setZero();
   turn = 0;
 }
@@ -312,17 +395,14 @@ bool ColorTracker::State::look_at(const cv::Mat& image, const Owned& owned, Elli
   return good(seen, start, axes, settings.jump_px, settings.min_inliers_new);
 }
 
-// All candidates of the search under one guess of the light; the best of all guesses stays. Two
-// looks at one body, by two guesses, are one candidate.
-void ColorTracker::State::search_in(const LogColor& gains, const cv::Mat& image,
-                                    const Owned& owned) {
+// All candidates of the search under one guess of the light and of the size; the best of all
+// guesses stays. Two looks at one body, by two guesses, are one candidate.
+void ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d& axes,
+                                    const cv::Mat& image, const Owned& owned) {
   const Eigen::Vector2d middle(image.cols / 2.0, image.rows / 2.0);
   const bool known = state != TrackState::searching;
-  const Eigen::Vector2d axes =
-      known ? axes_px
-            : Eigen::Vector2d(model.semi_axes_px +
-                              (settings.view.refine ? model.rim : model.segment).semi_axes_px);
   search.set_light(gains);
+  search.set_size(axes);
   view.set_light(gains);
   for (const Ellipse& start : search.find(image, model.color, known ? last.center_px : middle,
                                           settings.candidates, owned.map, owned.self)) {
@@ -351,12 +431,20 @@ void ColorTracker::State::search_in(const LogColor& gains, const cv::Mat& image,
 // so than the second is its margin.
 bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
   pick.best.reset();
-  pick.second = model.audit.most_likeness;
+  pick.second = model.audit.as_trained.most_likeness;
+  const Eigen::Vector2d axes = state == TrackState::searching ? trained_axes() : axes_px;
   const LightMemory::Guesses guesses = light.guesses(model.light);
   const std::size_t count = settings.adapt ? guesses.count : 1;
   for (std::size_t k = 0; k < count; ++k) {
-    search_in(guesses.gains[k], image, owned);
+    search_in(guesses.gains[k], axes, image, owned);
     if (pick.best && pick.best->worth.likeness >= settings.min_likeness_new) break;
+  }
+  const bool none = !pick.best || pick.best->worth.likeness < settings.min_likeness_new;
+  if (none && settings.any_size) {
+    // One size more a frame bounds a frame's time.
+    pick.second = std::max(pick.second, model.audit.resized.most_likeness);
+    const double size = kSizes[size_turn++ % kSizes.size()];
+    search_in(guesses.gains[0], size * trained_axes(), image, owned);
   }
   if (!pick.best) return false;
   track.likeness = pick.best->worth.likeness;
@@ -396,9 +484,12 @@ void ColorTracker::place(const Ellipse& at) {
   s.axes_px = s.model.semi_axes_px;
   s.velocity_px.setZero();
   s.turn = 0;
+  s.growth = 0;
   s.unseen = 0;
   s.believed = at;
+  s.believed_axes_px = s.axes_px;
   s.agreed = 0;
+  s.heading_odds = 0;
   s.state = TrackState::tracking;
 }
 

@@ -30,10 +30,15 @@ struct ColorTrackerSettings {
   /// Share of the inside that may be clearly the ground's, where most of the rim is found.
   double max_against = 0.15;
   double axis_change = 0.3;  ///< of an axis against its slow mean, relative
-  double jump_px = 14;       ///< from the predicted center
-  int coast_frames = 3;      ///< before the whole image is searched
-  double coast_px = 2;       ///< by which gate and jump grow with each coasted frame
-  int candidates = 3;        ///< candidates measured in a searched image
+  /// Of the object against the masks (zoom, height): least and most that is followed.
+  double least_size = 0.42;
+  double most_size = 2.4;
+  /// Search it in other sizes too where none of the size known is found: a size a frame.
+  bool any_size = true;
+  double jump_px = 14;   ///< from the predicted center
+  int coast_frames = 3;  ///< before the whole image is searched
+  double coast_px = 2;   ///< by which gate and jump grow with each coasted frame
+  int candidates = 3;    ///< candidates measured in a searched image
   /// Frames that must agree before an object found anew is believed; 1: at once.
   int confirm_frames = 3;
   /// Of LookWorth::likeness: of one followed, and of one found anew.
@@ -51,17 +56,22 @@ struct ColorTrackerSettings {
 /// Motion state of a tracker: enough to undo a frame.
 struct TrackMemory {
   TrackState state = TrackState::searching;
-  Ellipse last;                       ///< as measured, not calibrated
-  Eigen::Vector2d velocity_px{0, 0};  ///< per frame
-  double turn = 0;                    ///< rad per frame
-  Eigen::Vector2d axes_px{0, 0};      ///< slow mean of the measured semi-axes
-  int unseen = 0;                     ///< frames since the last measurement
-  Ellipse believed;                   ///< `last`, of the last frame that was tracked
-  int agreed = 0;                     ///< frames of a new find that is not believed yet
-  Eigen::Vector2d found_px{0, 0};     ///< where it was found
-  GroundRing found_ground;            ///< and the ground around it then
-  double margin = 0;                  ///< least of its frames, as Track::margin
-  LightMemory light;                  ///< against that of the training
+  Ellipse last;                            ///< as measured, not calibrated
+  Eigen::Vector2d velocity_px{0, 0};       ///< per frame
+  double turn = 0;                         ///< rad per frame
+  Eigen::Vector2d axes_px{0, 0};           ///< slow mean of the measured semi-axes
+  double growth = 0;                       ///< of both, natural logarithm per frame
+  unsigned size_turn = 0;                  ///< counts the sizes that were searched
+  int unseen = 0;                          ///< frames since the last measurement
+  Ellipse believed;                        ///< `last`, of the last frame that was tracked
+  Eigen::Vector2d believed_axes_px{0, 0};  ///< and `axes_px`
+  int agreed = 0;                          ///< frames of a new find that is not believed yet
+  Eigen::Vector2d found_px{0, 0};          ///< where it was found
+  GroundRing found_ground;                 ///< and the ground around it then
+  double margin = 0;                       ///< least of its frames, as Track::margin
+  double heading = 0;       ///< rad: of the two along the major axis the one that is followed
+  double heading_odds = 0;  ///< log odds of it against the opposite one
+  LightMemory light;        ///< against that of the training
 };
 
 struct Track {
@@ -81,7 +91,10 @@ struct Track {
   /// Whether the look measured itself: without the rim's refinement the covariance is a constant,
   /// and nothing tells a good look from a bad one.
   bool self_measured = false;
-  double area_px = 0;  ///< of the level set's largest part
+  /// Only while tracking, with a model that has learnt a head, once it is 99 % sure.
+  std::optional<Heading> heading;
+  std::optional<TipMeasurement> tip;  ///< with the heading
+  double area_px = 0;                 ///< of the level set's largest part
   int iterations = 0;
   LogColor light = LogColor::Zero();  ///< gains of blue, green, red that the look reckoned with
 };

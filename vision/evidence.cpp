@@ -94,6 +94,7 @@ void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const 
 // neighbors of a front pixel always exist.
 void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse& gate,
                     int max_side_px, const cv::Mat& owned, unsigned char self) {
+  image_ = image.size();
   const double c = std::cos(gate.angle);
   const double s = std::sin(gate.angle);
   const double a = gate.semi_major_px;

@@ -46,6 +46,10 @@ class Evidence {
   }
 
   const cv::Rect& region() const { return region_; }
+  /// Whether the image that was looked at has that pixel.
+  bool in_image(double u, double v) const {
+    return u >= 0 && v >= 0 && u <= image_.width - 1 && v <= image_.height - 1;
+  }
   /// At a pixel of the image, in the region.
   std::int16_t at(int u, int v) const { return values_[index_of(u, v)]; }
   std::size_t index_of(int u, int v) const {
@@ -62,6 +66,7 @@ class Evidence {
                 unsigned char self);
   LightTable light_;
   cv::Rect region_;
+  cv::Size image_;
   std::vector<std::int16_t> values_;
   std::vector<std::int16_t> sums_;  // three rows' sums over three columns, in turn
   std::vector<std::int8_t> row_;    // one row's F, a pixel more on either side

@@ -22,8 +22,8 @@ constexpr double kShapeMean = 3;
 constexpr double kLargest = 14;
 constexpr double kCaution = 1.3;  // of a variance from 16 looks
 constexpr double kMostFactor = 400;
-constexpr std::size_t kFewestOthers = 30;  // for which their density stands
-constexpr int kMostLooks = 20000;          // of a file
+constexpr double kFewestOthers = 30;  // for which their density stands
+constexpr int kMostLooks = 20000;     // of a file
 
 double kernel(double d2) {
   constexpr double kTwice = 2 * kBandwidth * kBandwidth;
@@ -50,9 +50,9 @@ void save_look(ByteWriter& out, const LookFeatures& look) {
   for (const float value : look) out.f32(value);
 }
 
-LookFeatures load_look(ByteReader& in) {
-  LookFeatures look;
-  for (float& value : look) value = in.f32(-100, 100);
+LookFeatures load_look(ByteReader& in, int features) {
+  LookFeatures look{};
+  for (int k = 0; k < features; ++k) look[static_cast<std::size_t>(k)] = in.f32(-100, 100);
   return look;
 }
 
@@ -79,6 +79,17 @@ void LookMemory::squared_distances(const Looks& looks, const LookFeatures& from,
   }
 }
 
+// How many of the looks were at that size, by the kernel of the densities in it alone: densities
+// are those among looks of one size, of which a training has more at its own than at others.
+double LookMemory::count_of_size(const Looks& looks, const LookFeatures& look) {
+  double count = 0;
+  for (const float size : looks.columns.back()) {
+    const double away = static_cast<double>(size - look.back());
+    count += std::abs(away) < 0.01 ? 1 : kernel(away * away);
+  }
+  return count;
+}
+
 // Density of the looks at anything else: Gaussian kernels (Parzen).
 double LookMemory::density_of(const Looks& looks, const LookFeatures& look) {
   std::array<float, kBlock> squared{};
@@ -88,7 +99,7 @@ double LookMemory::density_of(const Looks& looks, const LookFeatures& look) {
     squared_distances(looks, look, first, count, squared.data());
     for (std::size_t k = 0; k < count; ++k) sum += kernel(static_cast<double>(squared[k]));
   }
-  return sum / static_cast<double>(std::max<std::size_t>(looks.size(), kFewestOthers));
+  return sum / std::max(count_of_size(looks, look), kFewestOthers);
 }
 
 void LookMemory::add_object(const LookFeatures& look, double center, double shape) {
@@ -133,7 +144,7 @@ LookWorth LookMemory::worth(const LookFeatures& look) const {
   const double strange = std::max(1.0, near.front().distance / (4 * kBandwidth * kBandwidth));
   result.center = strange * center.factor(kCenterMean);
   result.shape = strange * shape.factor(kShapeMean);
-  result.likeness = std::log((like / static_cast<double>(objects_.size()) + kLeastDensity) /
+  result.likeness = std::log((like / std::max(count_of_size(objects_, look), 1.0) + kLeastDensity) /
                              (density_of(others_, look) + kUnknownDensity));
   return result;
 }
@@ -149,16 +160,16 @@ void LookMemory::save(ByteWriter& out) const {
   for (std::size_t k = 0; k < others_.size(); ++k) save_look(out, others_.at(k));
 }
 
-LookMemory LookMemory::load(ByteReader& in) {
+LookMemory LookMemory::load(ByteReader& in, int features) {
   LookMemory memory;
   const int objects = in.integer(0, kMostLooks);
   for (int k = 0; k < objects; ++k) {
-    const LookFeatures look = load_look(in);
+    const LookFeatures look = load_look(in, features);
     const double center = in.f32(0, 1e9F);
     memory.add_object(look, center, in.f32(0, 1e9F));
   }
   const int others = in.integer(0, kMostLooks);
-  for (int k = 0; k < others; ++k) memory.others_.add(load_look(in));
+  for (int k = 0; k < others; ++k) memory.others_.add(load_look(in, features));
   return memory;
 }
 

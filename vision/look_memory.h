@@ -14,7 +14,7 @@ namespace vitreo::vision {
 
 /// What a look says of itself, each in units in which a difference of one is a large one; filled by
 /// features_of() (object_view.h).
-constexpr int kLookFeatures = 9;
+constexpr int kLookFeatures = 10;
 using LookFeatures = std::array<float, kLookFeatures>;
 
 /// Worth of a look, by those in memory that were like it.
@@ -40,7 +40,8 @@ class LookMemory {
   std::size_t others() const { return others_.size(); }
 
   void save(ByteWriter& out) const;
-  static LookMemory load(ByteReader& in);
+  /// `features` of a look in the file; those that an older one does not have are 0.
+  static LookMemory load(ByteReader& in, int features = kLookFeatures);
 
  private:
   // Features by rows of looks, so that distances to all of them are one vector loop.
@@ -53,6 +54,7 @@ class LookMemory {
   static constexpr std::size_t kBlock = 128;  // looks whose distances are computed at once
   static void squared_distances(const Looks& looks, const LookFeatures& from, std::size_t first,
                                 std::size_t count, float* to);
+  static double count_of_size(const Looks& looks, const LookFeatures& look);
   static double density_of(const Looks& looks, const LookFeatures& look);
 
   Looks objects_;

@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -20,9 +21,12 @@ namespace vitreo::vision {
 namespace {
 
 constexpr std::size_t kMostImages = 12;  // evenly of all: more show nothing new
-constexpr int kMargin_px = 40;      // of the part of an image that is disturbed, round the object
-constexpr double kAstray_px = 8;    // a look that ends farther off is at something else
-constexpr int kPlaces = 16;         // looked at besides the search's candidates
+constexpr int kMargin_px = 40;    // of the part of an image that is disturbed, round the object
+constexpr double kAstray_px = 8;  // a look that ends farther off is at something else
+constexpr int kPlaces = 16;       // looked at besides the search's candidates
+constexpr std::array<double, 4> kSizes{0.5, 0.7, 1.4, 2.0};  // of the object besides its own
+constexpr int kResized = 3;                                  // looks at it in each
+constexpr int kPlacesResized = 6;
 constexpr int kMoves = 14;          // places of the ground to which the object is moved
 constexpr double kMisjudged = 0.4;  // of the light, natural logarithm
 constexpr unsigned char kMaskedOut = 1;
@@ -35,9 +39,10 @@ struct Erred {
 };
 
 // Of a look that is calibrated as the tracker does it.
-Erred error_of(const EllipseMeasurement& raw, const Calibration& known, const Ellipse& truth) {
+Erred error_of(const EllipseMeasurement& raw, const Calibration& known, const Ellipse& truth,
+               double size) {
   Eigen::Matrix<double, 5, 1> error = raw.ellipse.vector() - truth.vector();
-  error.segment<2>(2) -= known.semi_axes_px;
+  error.segment<2>(2) -= size * known.semi_axes_px;
   error[4] = std::remainder(error[4], std::numbers::pi);
   const Eigen::Matrix<double, 5, 5> covariance = raw.covariance + known.covariance;
   const Eigen::Vector2d center = error.head<2>();
@@ -85,6 +90,19 @@ class Lessons {
       look_at_object(memory, disturbed(image, truth, kind, seed + 31 * move), truth, random,
                      is_light(kind));
     }
+    for (const double size : kSizes) {
+      cv::Mat image;
+      cv::resize(one.labeled.image(part), image, {}, size, size,
+                 size < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
+      // Of the centers of pixels: half a pixel before the first one begins the image.
+      Ellipse resized{size * (truth.center_px.array() + 0.5).matrix() - Eigen::Vector2d(0.5, 0.5),
+                      size * truth.semi_major_px, size * truth.semi_minor_px, truth.angle};
+      for (int look = 0; look < kResized; ++look) {
+        const int kind = look == 0 ? 0 : random.uniform(1, kDisturbances);
+        look_at_object(memory, disturbed(image, resized, kind, seed + 57 * look), resized, random,
+                       is_light(kind));
+      }
+    }
   }
 
   // Looks at the same image's anatomy: what the search brings, and places at random, in several
@@ -110,10 +128,33 @@ class Lessons {
                           0,
                           0,
                           random.uniform(0.0, CV_PI)});
-      for (const Ellipse& place : places) look_at(memory, image, place, owned);
+      for (const Ellipse& place : places) look_at(memory, image, place, 1, owned);
     }
+    at_anatomy_resized(memory, one, owned, random);
     view_.set_light(LogColor::Zero());
     search_.set_light(LogColor::Zero());
+  }
+
+  // For the object in other sizes, in the light as it is.
+  void at_anatomy_resized(LookMemory& memory, const KnownObject& one, const Owned& owned,
+                          cv::RNG& random) {
+    const cv::Mat& image = one.labeled.image;
+    view_.set_light(LogColor::Zero());
+    search_.set_light(LogColor::Zero());
+    for (const double size : kSizes) {
+      search_.set_size(size * model_.semi_axes_px);
+      std::vector<Ellipse> places =
+          search_.find(image, model_.color, Eigen::Vector2d(image.cols / 2.0, image.rows / 2.0), 6,
+                       owned.map, owned.self);
+      for (int k = 0; k < kPlacesResized; ++k)
+        places.push_back({{random.uniform(0.0, 1.0) * (image.cols - 1),
+                           random.uniform(0.0, 1.0) * (image.rows - 1)},
+                          0,
+                          0,
+                          random.uniform(0.0, CV_PI)});
+      for (const Ellipse& place : places) look_at(memory, image, place, size, owned);
+    }
+    search_.set_size(model_.semi_axes_px);
   }
 
   static cv::Mat masked_out(const cv::Mat& mask) {
@@ -135,17 +176,17 @@ class Lessons {
     const auto color = adapted ? log_color_within(image, truth) : std::nullopt;
     view_.set_light(color && model_.light.known ? LogColor(*color - model_.light.object)
                                                 : LogColor::Zero());
-    const Eigen::Vector2d axes =
-        Eigen::Vector2d(truth.semi_major_px, truth.semi_minor_px) + model_.rim.semi_axes_px;
+    const Eigen::Vector2d axes = Eigen::Vector2d(truth.semi_major_px, truth.semi_minor_px) +
+                                 size_of(truth) * model_.rim.semi_axes_px;
     const Ellipse start = expected_near(truth, axes, random);
     const EllipsePrior prior{start, 5, 1, settings_.angle_sigma};
     const Observation seen = view_.observe(image, start, settings_.gate_px, prior);
     if (!seen.measured || seen.leaked) return;
-    const Erred erred = error_of(*seen.measured, model_.rim, truth);
+    const Erred erred = error_of(*seen.measured, model_.rim, truth, size_of(truth));
     if (erred.off_px < kAstray_px)
-      memory.add_object(features_of(seen), erred.center, erred.shape);
+      memory.add_object(features_of(seen, size_of(truth)), erred.center, erred.shape);
     else
-      memory.add_other(features_of(seen));
+      memory.add_other(features_of(seen, size_of(truth)));
   }
 
   // The object with a little of what is round it (its blur), cut out and laid over another part of
@@ -169,8 +210,15 @@ class Lessons {
     return result;
   }
 
-  void look_at(LookMemory& memory, const cv::Mat& image, Ellipse start, const Owned& owned) {
-    const Eigen::Vector2d axes = model_.semi_axes_px + model_.rim.semi_axes_px;
+  // Of a true ellipse, against the masks.
+  double size_of(const Ellipse& truth) const {
+    return std::sqrt(truth.semi_major_px * truth.semi_minor_px / model_.semi_axes_px.prod());
+  }
+
+  // For the object in `size` times its own.
+  void look_at(LookMemory& memory, const cv::Mat& image, Ellipse start, double size,
+               const Owned& owned) {
+    const Eigen::Vector2d axes = size * (model_.semi_axes_px + model_.rim.semi_axes_px);
     start.semi_major_px = axes.x();
     start.semi_minor_px = axes.y();
     const Eigen::Vector2d limit(image.cols - 1, image.rows - 1);
@@ -180,8 +228,10 @@ class Lessons {
       const Observation seen =
           view_.observe(image, start, settings_.gate_px, {start, 8, 2.5, 0.4}, owned);
       if (!seen.measured || seen.leaked) return;
-      memory.add_other(features_of(seen));
-      start = seen.measured->ellipse;
+      const Ellipse& e = seen.measured->ellipse;
+      const double trained = axes.prod() / (size * size);
+      memory.add_other(features_of(seen, std::sqrt(e.semi_major_px * e.semi_minor_px / trained)));
+      start = e;
     }
   }
 
@@ -210,6 +260,11 @@ LookMemory memory_of(const ObjectModel& model, std::span<const KnownObject> imag
   return memory;
 }
 
+void count(FalseBelief::Asked& asked, const Track& track) {
+  asked.most_likeness = std::max(asked.most_likeness, track.likeness);
+  asked.answered += track.measured.has_value();
+}
+
 // Each half is asked by a tracker that knows the anatomy of the other half alone.
 FalseBelief audit_of(ObjectModel model, std::span<const KnownObject> images,
                      const ObjectViewSettings& view) {
@@ -219,16 +274,25 @@ FalseBelief audit_of(ObjectModel model, std::span<const KnownObject> images,
     ColorTrackerSettings settings;
     settings.view = view;
     settings.confirm_frames = 1;
+    settings.any_size = false;
     ColorTracker tracker(model, settings);
+    settings.any_size = true;
+    ColorTracker resized(model, settings);
     for (std::size_t k = static_cast<std::size_t>(part); k < images.size(); k += 2) {
+      const Owned owned{Lessons::masked_out(images[k].labeled.mask), kSelf};
       tracker.reset();
-      const Track track = tracker.update(images[k].labeled.image,
-                                         {Lessons::masked_out(images[k].labeled.mask), kSelf});
+      const Track track = tracker.update(images[k].labeled.image, owned);
       ++audit.asked;
-      audit.most_likeness = std::max(audit.most_likeness, track.likeness);
-      if (!track.measured) continue;
-      ++audit.answered;
-      audit.places_px.push_back(track.measured->ellipse.center_px);
+      count(audit.as_trained, track);
+      if (track.measured) audit.places_px.push_back(track.measured->ellipse.center_px);
+      // Each frame searches one more size; the one of most likeness speaks for the image.
+      Track most;
+      for (std::size_t turn = 0; turn < kSizes.size() + 1; ++turn) {
+        resized.reset();
+        const Track other = resized.update(images[k].labeled.image, owned);
+        if (!most.measured && (other.measured || other.likeness > most.likeness)) most = other;
+      }
+      if (!track.measured) count(audit.resized, most);
     }
   }
   return audit;

@@ -9,7 +9,8 @@ namespace vitreo::vision {
 namespace {
 
 constexpr std::string_view kObjectMagic = "VTOM";
-constexpr std::uint32_t kObjectVersion = 3;
+constexpr std::uint32_t kObjectVersion = 4;
+constexpr int kFeaturesBefore4 = 9;
 constexpr int kMostAsked = 1000000;
 
 void save_calibration(ByteWriter& out, const Calibration& calibration) {
@@ -26,17 +27,23 @@ Calibration load_calibration(ByteReader& in) {
 
 void save_audit(ByteWriter& out, const FalseBelief& audit) {
   out.u32(static_cast<std::uint32_t>(audit.asked));
-  out.u32(static_cast<std::uint32_t>(audit.answered));
-  out.f64(audit.most_likeness);
+  for (const FalseBelief::Asked& asked : {audit.as_trained, audit.resized}) {
+    out.u32(static_cast<std::uint32_t>(asked.answered));
+    out.f64(asked.most_likeness);
+  }
   out.u32(static_cast<std::uint32_t>(audit.places_px.size()));
   for (const Eigen::Vector2d& place : audit.places_px) out.f64(place.x()), out.f64(place.y());
 }
 
-FalseBelief load_audit(ByteReader& in) {
+FalseBelief load_audit(ByteReader& in, std::uint32_t version) {
   FalseBelief audit;
   audit.asked = in.integer(0, kMostAsked);
-  audit.answered = in.integer(0, kMostAsked);
-  audit.most_likeness = in.f64(-100, 100);
+  const auto read = [&in](FalseBelief::Asked& asked) {
+    asked.answered = in.integer(0, kMostAsked);
+    asked.most_likeness = in.f64(-100, 100);
+  };
+  read(audit.as_trained);
+  if (version > 3) read(audit.resized);
   const int count = in.integer(0, kMostAsked);
   for (int k = 0; k < count; ++k) {
     const double u = in.f64(0, 1e5);
@@ -67,9 +74,11 @@ void save_part(ByteWriter& out, const std::string& part) {
 
 }  // namespace
 
-// Format "VTOM", version 3: image size, mean axes, both calibrations, then color and shape model,
+// Format "VTOM", version 4: image size, mean axes, both calibrations, then color and shape model,
 // each with its length, then the look memory and the audit, which version 1 does not have, then the
-// light, which version 2 does not have either.
+// light, which version 2 does not have either. Before version 4 looks had no size, and the audit
+// asked for the
+// trained size alone, and there was no head model.
 std::string ObjectModel::save() const {
   ByteWriter out;
   out.text(kObjectMagic);
@@ -84,6 +93,7 @@ std::string ObjectModel::save() const {
   looks.save(out);
   save_audit(out, audit);
   save_light(out, light);
+  head.save(out);
   return out.sealed();
 }
 
@@ -91,7 +101,7 @@ std::string ObjectModel::save() const {
 // bounds.
 ObjectModel ObjectModel::load(std::string_view bytes) {
   std::uint32_t version = kObjectVersion;
-  if (bytes.size() > 4 && (bytes[4] == 1 || bytes[4] == 2))
+  if (bytes.size() > 4 && bytes[4] >= 1 && bytes[4] <= 3)
     version = static_cast<std::uint32_t>(bytes[4]);
   ByteReader in(bytes, kObjectMagic, version, "object model");
   ObjectModel model;
@@ -103,10 +113,11 @@ ObjectModel ObjectModel::load(std::string_view bytes) {
   model.color = ColorModel::load(in.text(in.u32()));
   model.shape = ShapeModel::load(in.text(in.u32()));
   if (version > 1) {
-    model.looks = LookMemory::load(in);
-    model.audit = load_audit(in);
+    model.looks = LookMemory::load(in, version > 3 ? kLookFeatures : kFeaturesBefore4);
+    model.audit = load_audit(in, version);
   }
   if (version > 2) model.light = load_light(in);
+  if (version > 3) model.head = HeadModel::load(in);
   in.end();
   return model;
 }
@@ -116,16 +127,19 @@ ObjectModel ObjectModel::load(std::string_view bytes) {
 std::vector<std::string> ObjectModel::warnings() const {
   constexpr double kPoor = 1.0;
   constexpr int kFewImages = 3;
+  constexpr double kSure = 1;  // log odds of an image
   std::vector<std::string> said;
   const auto add = [&said](std::string sentence) { said.push_back(std::move(sentence)); };
   if (color.quality().mean < kPoor)
     add("the colors hardly tell the object from the ground (quality " +
         std::to_string(color.quality().mean).substr(0, 4) +
         " of 2); choose other channels, light or paint");
-  if (audit.answered > 0)
-    add("the ground alone is taken for the object in " + std::to_string(audit.answered) + " of " +
-        std::to_string(audit.asked) +
+  if (audit.as_trained.answered > 0)
+    add("the ground alone is taken for the object in " + std::to_string(audit.as_trained.answered) +
+        " of " + std::to_string(audit.asked) +
         " training images; an object found anew must move before it is believed");
+  if (!head.empty() && head.sureness() < kSure)
+    add("its two ends look alike: a heading is given late or not at all");
   if (looks.empty())
     add("it was not asked what its looks are worth: covariances are the rim's own; train it anew");
   if (static_cast<int>(color.quality().of_image.size()) < kFewImages)

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "vision/color_model.h"
+#include "vision/head_model.h"
 #include "vision/level_set.h"
 #include "vision/light.h"
 #include "vision/look_memory.h"
@@ -41,10 +42,14 @@ struct Calibration {
 /// Whether the ground itself is taken for the object: the training images, the object masked out of
 /// each, asked by a model that had not seen their ground.
 struct FalseBelief {
+  struct Asked {
+    int answered = 0;            ///< of `asked`
+    double most_likeness = -10;  ///< of any candidate, answered or not
+  };
   int asked = 0;
-  int answered = 0;
-  double most_likeness = -10;              ///< of any candidate, answered or not
-  std::vector<Eigen::Vector2d> places_px;  ///< of the answers, in the training images
+  Asked as_trained;                        ///< for the object in the size of the masks
+  Asked resized;                           ///< from half to twice of it
+  std::vector<Eigen::Vector2d> places_px;  ///< of the answers in the trained size
 };
 
 struct ObjectModel {
@@ -56,6 +61,7 @@ struct ObjectModel {
   Calibration segment;                 ///< of those without
   LookMemory looks;                    ///< empty in a model saved before there was one
   FalseBelief audit;
+  HeadModel head;      ///< empty unless learnt: which end is the head, and where its tip is
   TrainedLight light;  ///< not known in a model saved before it was learnt
 
   /// What a person should know before trusting it, a sentence each; none of a good model.

@@ -12,18 +12,24 @@ namespace {
 
 // Bound of |F|: a highlight must not outweigh a body.
 constexpr int kMostTableF = static_cast<int>(2.5 * ColorModel::kScale);
+constexpr int kLeastStep = 2;         // px of a cell
 constexpr double kFullBox = 0.35;     // mean F over kMostTableF of a box that may be the object
 constexpr double kFarPenalty = 0.15;  // of a full box's score at one image width's distance
 
 }  // namespace
 
+ObjectSearch::ObjectSearch(const Ellipse& size) : size_(size) {
+  set_size({size.semi_major_px, size.semi_minor_px});
+  found_.reserve(16);
+}
+
 // A cell of about 2/7 of the semi-minor axis and a box of 0.7 of it either way: the box's corners
 // stay about within the object.
-ObjectSearch::ObjectSearch(const Ellipse& size)
-    : step_(std::clamp(static_cast<int>(size.semi_minor_px / 3.5), 2, 8)),
-      half_(std::max(static_cast<int>(std::lround(0.7 * size.semi_minor_px / step_)), 1)),
-      size_(size) {
-  found_.reserve(16);
+void ObjectSearch::set_size(const Eigen::Vector2d& semi_axes_px) {
+  size_.semi_major_px = semi_axes_px.x();
+  size_.semi_minor_px = semi_axes_px.y();
+  step_ = std::clamp(static_cast<int>(size_.semi_minor_px / 3.5), kLeastStep, 8);
+  half_ = std::max(static_cast<int>(std::lround(0.7 * size_.semi_minor_px / step_)), 1);
 }
 
 // F of every cell and its integral image (Crow 1984).
@@ -128,6 +134,12 @@ const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, const Color
   columns_ = image.cols / step_;
   rows_ = image.rows / step_;
   if (columns_ < 2 || rows_ < 2) return found_;
+  // Room for the smallest cells at once, so that another size allocates nothing.
+  const auto columns = static_cast<std::size_t>(image.cols / kLeastStep);
+  const auto rows = static_cast<std::size_t>(image.rows / kLeastStep);
+  f_.reserve(columns * rows);
+  score_.reserve(columns * rows);
+  sums_.reserve((columns + 1) * (rows + 1));
   const auto cells = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
   f_.resize(cells);
   score_.resize(cells);

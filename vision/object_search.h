@@ -27,6 +27,8 @@ class ObjectSearch {
   const std::vector<Ellipse>& find(const cv::Mat& image, const ColorModel& model,
                                    const Eigen::Vector2d& near_px, int most,
                                    const cv::Mat& owned = {}, unsigned char self = 0);
+  /// Semi-axes of the object in the searches to come, px.
+  void set_size(const Eigen::Vector2d& semi_axes_px);
   /// Gains of the images to come; none at first.
   void set_light(const LogColor& gains) {
     if ((gains != light_.gains()).any()) light_.set(gains);
@@ -39,8 +41,8 @@ class ObjectSearch {
   void score(const Eigen::Vector2d& near_px);
   Ellipse settle(int i, int j) const;
   LightTable light_;
-  int step_;
-  int half_;
+  int step_ = 0;
+  int half_ = 0;
   Ellipse size_;  // px
   int columns_ = 0;
   int rows_ = 0;

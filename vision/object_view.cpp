@@ -37,8 +37,8 @@ ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& setti
     : model_(&model),
       settings_(settings),
       thresholds_(settings.thresholds.value_or(model.color.weighted_thresholds())),
-      // Twice the object's length and room for a gate that has grown while coasting.
-      max_side_px_(static_cast<int>(4 * model.semi_axes_px.x() + 6 * settings.gate_px) + 16),
+      // The object at twice its size or a little more, and room for a gate that has grown.
+      max_side_px_(static_cast<int>(5 * model.semi_axes_px.x() + 6 * settings.gate_px) + 16),
       level_set_(settings.level_set),
       rim_(settings.rim) {
   settings.check();
@@ -49,6 +49,7 @@ ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& setti
 
 // Shares of the ellipse's pixels for and against the object, over every second pixel and row.
 // A pixel outside of the region was not looked at: it counts for neither side, but in the whole.
+// One outside of the image does not count: an object that leaves it is judged by what is left.
 void ObjectView::count_support(const Ellipse& ellipse, Observation& observation) const {
   const cv::Rect& region = evidence_.region();
   int count = 0;
@@ -60,6 +61,7 @@ void ObjectView::count_support(const Ellipse& ellipse, Observation& observation)
   for (int v = top; v < bottom; v += 2) {
     const RowSpan span = row_of(ellipse, v);
     for (int u = span.first; u < span.end; u += 2) {
+      if (!evidence_.in_image(u, v)) continue;
       ++count;
       if (!region.contains({u, v})) continue;
       const std::int16_t f = evidence_.at(u, v);
@@ -74,17 +76,18 @@ void ObjectView::count_support(const Ellipse& ellipse, Observation& observation)
 }
 
 // In each a step of one is what distinguishes good looks from bad ones: shares by thirds, axes by a
-// sixth of their length, the claimed deviation and the segment's area by factors.
-LookFeatures features_of(const Observation& seen) {
+// sixth of their length, the claimed deviation and the segment's area by factors, the size by a
+// factor of 1.4.
+LookFeatures features_of(const Observation& seen, double size) {
   const EllipseMeasurement& m = *seen.measured;
   const double sigma = std::sqrt(std::max(m.covariance.topLeftCorner<2, 2>().trace() / 2, 1e-6));
   const double a = m.ellipse.semi_major_px / seen.expected_axes_px.x();
   const double b = m.ellipse.semi_minor_px / seen.expected_axes_px.y();
   const double share = std::clamp(seen.segment.area_px / area_of(m.ellipse), 0.1, 10.0);
   const std::array<double, kLookFeatures> of{
-      3 * m.inlier_fraction, m.contrast / 2,  3 * seen.support,
-      4 * seen.against,      std::log(sigma), 6 * std::log(a),
-      6 * std::log(b),       seen.evidence,   1.5 * std::log(share)};
+      3 * m.inlier_fraction, m.contrast / 2,      3 * seen.support, 4 * seen.against,
+      std::log(sigma),       6 * std::log(a),     6 * std::log(b),  seen.evidence,
+      1.5 * std::log(share), 1.5 * std::log(size)};
   LookFeatures features;
   for (std::size_t k = 0; k < features.size(); ++k)
     features[k] = static_cast<float>(std::clamp(of[k], -20.0, 20.0));

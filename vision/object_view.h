@@ -32,7 +32,8 @@ struct Observation {
 };
 
 /// What the look memory compares. Only of a look with a refined rim.
-LookFeatures features_of(const Observation& seen);
+/// `size`: against the masks.
+LookFeatures features_of(const Observation& seen, double size);
 
 class ObjectView {
  public:

@@ -96,8 +96,14 @@ std::optional<EllipseMeasurement> RadialRim::measure(const Evidence& evidence, c
   for (const Normal& n : normals_) {
     if (n.found && n.weight > 0) *end++ = n.contrast;
   }
+  // Of the normals that the image has; its border cuts an object whose center is in it to about
+  // half.
+  const auto searched = std::count_if(normals_.begin(), normals_.end(), [&](const Normal& n) {
+    return evidence.in_image(n.rim_px.x(), n.rim_px.y());
+  });
   result.inlier_fraction =
-      static_cast<double>(end - steps_.begin()) / static_cast<double>(normals_.size());
+      static_cast<double>(end - steps_.begin()) /
+      std::max(static_cast<double>(searched), 0.4 * static_cast<double>(normals_.size()));
   const auto middle = steps_.begin() + (end - steps_.begin()) / 2;
   std::nth_element(steps_.begin(), middle, end);
   result.contrast = *middle;

@@ -1,11 +1,14 @@
 // protocols/track_sequence.lua as people run it: folders of files in, track.csv and results out.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/program/program.h"
+#include "tests/vision/needle_scene.h"
 #include "tests/vision/sequence_files.h"
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 
+#include <cmath>
 #include <sstream>
 #include <vector>
 
@@ -60,6 +63,46 @@ TEST(TrackSequence, TracksAFolderOfFramesAndJudgesItself) {
   }
   EXPECT_TRUE(
       std::filesystem::exists(place.folder() / result["run"].get<std::string>() / "report.html"));
+}
+
+TEST(TrackSequence, GivesHeadingAndTipOfABodyThatWasPointedAt) {
+  const Workplace place;
+  vision::needle::Scene scene({.seed = 71});
+  const auto folder = place.folder();
+  std::filesystem::create_directories(folder / "frames");
+  std::filesystem::create_directories(folder / "training");
+  std::vector<Eigen::Vector2d> tips;
+  const auto training = scene.training(8, tips);
+  std::string pointed = "name,x_px,y_px\n";
+  for (std::size_t k = 0; k < training.size(); ++k) {
+    const std::string name = "t" + std::to_string(k);
+    cv::imwrite((folder / "training" / (name + ".png")).string(), training[k].image);
+    cv::imwrite((folder / "training" / (name + "_mask.png")).string(), training[k].mask);
+    pointed += name + "," + std::to_string(tips[k].x()) + "," + std::to_string(tips[k].y()) + "\n";
+  }
+  place.write("tips.csv", pointed);
+  for (int k = 0; k < 8; ++k)
+    cv::imwrite((folder / "frames" / ("f" + std::to_string(k) + ".png")).string(),
+                scene.frame(k).image);
+  const Spoken spoken =
+      place.vitreo("run track_sequence --json images=frames training=training tips=tips.csv");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  const auto rows = rows_of(track_csv(place, nlohmann::json::parse(spoken.out)));
+  ASSERT_EQ(rows.size(), 9u);
+  ASSERT_EQ(rows[0].size(), 14u);
+  EXPECT_EQ(rows[0][9], "heading_deg");
+  ASSERT_EQ(rows[8].size(), 14u) << "the last frame has a tip";
+  const vision::needle::Frame last = scene.frame(7);
+  EXPECT_LT(std::abs(std::remainder(std::stod(rows[8][9]) - last.heading * 180 / CV_PI, 360)), 5);
+  // px: five times the mean error, as this is one frame
+  EXPECT_LT((Eigen::Vector2d(std::stod(rows[8][10]), std::stod(rows[8][11])) - last.tip_px).norm(),
+            3);
+  place.write("tips.csv", "name,x_px,y_px\nnone,1,2\n");
+  const Spoken refused =
+      place.vitreo("run track_sequence images=frames training=training tips=tips.csv");
+  EXPECT_NE((refused.out + refused.err).find("tips: row 1: no training image has the name none"),
+            std::string::npos)
+      << refused.out << refused.err;
 }
 
 TEST(TrackSequence, TakesATruthThatCountsFromOneAndHasSemiAxes) {

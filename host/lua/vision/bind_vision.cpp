@@ -9,7 +9,9 @@
 #include "host/lua/interpreter/values.h"
 #include "host/lua/vision/classes.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <stdexcept>
 
@@ -154,7 +156,18 @@ std::vector<ResultField> track_fields() {
   for (ResultField field : {ResultField{"covariance", "", "of these five, 25 numbers by rows"},
                             ResultField{"inliers", "", "part of the rim's points"},
                             ResultField{"support", "", "of the ellipse by the image, 0 to 1"},
-                            ResultField{"expected", "", "ellipse", ellipse_fields()}}) {
+                            ResultField{"expected", "", "ellipse", ellipse_fields()},
+                            ResultField{"heading", "rad",
+                                        "from the center to the tip, from +u towards +v, where "
+                                        "one was taught and is 99 % sure"},
+                            ResultField{"heading_probability", "", "that it is not opposite"},
+                            ResultField{"tip",
+                                        "",
+                                        "of the object, with the heading",
+                                        {{"x_px", "", ""},
+                                         {"y_px", "", ""},
+                                         {"covariance", "", "4 numbers by rows, px^2"},
+                                         {"seen", "", "or where the ellipse says that it is"}}}}) {
     field.optional = true;
     fields.push_back(std::move(field));
   }
@@ -175,6 +188,16 @@ void set_track(ResultTable& table, const vision::Track& track) {
         .number("inliers", track.measured->inlier_fraction)
         .number("support", track.support);
   }
+  if (track.heading)
+    table.number("heading", track.heading->angle, "rad")
+        .number("heading_probability", track.heading->probability);
+  if (track.tip)
+    table.table("tip", [&tip = *track.tip](ResultTable& result) {
+      result.number("x_px", tip.at_px.x())
+          .number("y_px", tip.at_px.y())
+          .numbers("covariance", {tip.covariance.data(), tip.covariance.data() + 4})
+          .flag("seen", tip.seen);
+    });
   table.text("state", name_of(track.state));
   if (track.expected)
     table.table("expected",
@@ -184,7 +207,9 @@ void set_track(ResultTable& table, const vision::Track& track) {
 Argument labeled_argument() {
   return {.name = "images",
           .type = Type::list,
-          .help = "{{image = image, mask = image}, ...}, as vision.training gives"};
+          .help =
+              "{{image = image, mask = image}, ...}, as vision.training gives; tip = {x_px, "
+              "y_px} of four or more teaches heading and tip"};
 }
 
 /// The pixels are shared, not copied: nothing changes an image once it is made. A gray camera's are
@@ -201,6 +226,24 @@ std::vector<vision::LabeledImage> labeled_option(const Call& call) {
                       image_at(call.L, index + 2, where + ": mask").pixels});
   });
   return images;
+}
+
+/// Where the object's head ends, as a person pointed at it, in as many of the images as wanted.
+std::vector<Eigen::Vector2d> tips_option(const Call& call) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  std::vector<Eigen::Vector2d> tips;
+  each_of_list(call, "images", [&](int index, const std::string& where) {
+    tips.emplace_back(kUnknown, kUnknown);
+    lua_getfield(call.L, index, "tip");
+    if (lua_isnil(call.L, -1)) return;
+    if (!lua_istable(call.L, -1))
+      throw std::invalid_argument(where + ": tip: wants {x_px = , y_px = }, got " +
+                                  kind_of(call.L, -1));
+    const int tip = lua_gettop(call.L);
+    tips.back() = {field(call.L, tip, "x_px", where + ": tip"),
+                   field(call.L, tip, "y_px", where + ": tip")};
+  });
+  return tips;
 }
 
 std::vector<cv::Mat> images_option(const Call& call) {

@@ -45,6 +45,8 @@ void push_names(lua_State* L, const std::vector<std::string>& names);
 /// The option `images`: a list of {image = , mask = }.
 Argument labeled_argument();
 std::vector<vision::LabeledImage> labeled_option(const Call& call);
+/// `tip` of each of them, {x_px, y_px}, or NaN where it has none.
+std::vector<Eigen::Vector2d> tips_option(const Call& call);
 /// The option `images`: a list of images.
 std::vector<cv::Mat> images_option(const Call& call);
 /// The option `models`: a list of color_models, which the script holds meanwhile.

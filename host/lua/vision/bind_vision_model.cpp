@@ -10,6 +10,7 @@
 #include "host/lua/vision/bind_vision.h"
 #include "host/lua/vision/classes.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -30,9 +31,15 @@ int train(const Call& call) {
   auto made = std::make_shared<TrainedModel>();
   made->color = color_settings(call);
   const vision::ObjectViewSettings view = view_settings(call);
+  const std::vector<Eigen::Vector2d> tips = tips_option(call);
+  const bool pointed =
+      std::any_of(tips.begin(), tips.end(), [](const auto& tip) { return tip.allFinite(); });
   return call.wait(work(
       call, "training",
-      [=] { made->model = vision::ObjectModel::train(*images, made->color, view); },
+      [=] {
+        made->model = vision::ObjectModel::train(*images, made->color, view);
+        if (pointed) made->model.head = vision::HeadModel::train(*images, tips);
+      },
       from_seconds(kMaxTraining),
       [made](Call& done) {
         push_handle(done.L, color_model_class(), made);

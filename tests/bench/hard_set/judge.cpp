@@ -134,8 +134,8 @@ Verdict judge(const Scene& scene, const JudgeSettings& settings) {
   vision::ColorTracker tracker(model, settings.tracker);
   if (settings.each_frame) {
     std::printf("audit: %d of %d, most likeness %.1f; %zu looks, %zu others\n",
-                model.audit.answered, model.audit.asked, model.audit.most_likeness,
-                model.looks.objects(), model.looks.others());
+                model.audit.as_trained.answered, model.audit.asked,
+                model.audit.as_trained.most_likeness, model.looks.objects(), model.looks.others());
     for (const std::string& warning : model.warnings()) std::printf("%s\n", warning.c_str());
   }
   Account account;

@@ -34,6 +34,20 @@ Ellipse zoomed(Ellipse e, double zoom, const cv::Size& view) {
   return e;
 }
 
+// The share of an ellipse within the view, by samples of equal area (a sunflower's): a zoom takes
+// the robot out of it.
+double within(const cv::Size& view, const Ellipse& e) {
+  constexpr int kSamples = 300;
+  int in = 0;
+  for (int q = 0; q < kSamples; ++q) {
+    const double r = std::sqrt((q + 0.5) / kSamples);
+    const Eigen::Vector2d p =
+        Ellipse{e.center_px, r * e.semi_major_px, r * e.semi_minor_px, e.angle}.point(2.399963 * q);
+    in += p.x() >= 0 && p.y() >= 0 && p.x() <= view.width - 1 && p.y() <= view.height - 1;
+  }
+  return in / double{kSamples};
+}
+
 // From `at` onwards, to beyond the view; with 4 bits of sub-pixels.
 void fill_bar(cv::Mat& light, const cv::Point2d& at, double angle, double wide,
               const cv::Scalar& color) {
@@ -275,7 +289,7 @@ Shot Scene::shot(int k) const {
     draw_body(light, shot.twin);
   }
   if (!absent) draw_body(light, shot.truth);
-  shot.visible = absent ? 0 : cover_up(light, shot.truth, k);
+  shot.visible = absent ? 0 : cover_up(light, shot.truth, k) * within(view_, shot.truth);
   if (variant_.cover == Cover::blood && k >= 25 && k < 60) {
     const double thick = 0.75 * std::sin(CV_PI * (k - 25) / 35);
     cv::multiply(light, cv::Scalar(1 - thick, 1 - 0.95 * thick, 1 - 0.45 * thick), light);

@@ -73,6 +73,13 @@ TEST_F(VisionBinding, ImagesAreReadListedAndMeasured) {
   expect_refused("vision.imge { file = 'x.png' }",
                  {"vision: there is no imge; did you mean image?"});
   expect_refused("vision.color_model {}", {"vision.color_model: images: is missing"});
+  const std::string training = "local t = vision.training { folder = 'seq/training' } ";
+  expect_refused(training + "t[2].tip = 5 vision.color_model { images = t }",
+                 {"images: entry 2: tip: wants {x_px = , y_px = }, got a number"});
+  expect_refused(training + "t[2].tip = { x_px = 5 } vision.color_model { images = t }",
+                 {"images: entry 2: tip: y_px: wants a number"});
+  expect_refused(training + "t[2].tip = { x_px = 5, y_px = 5 } vision.color_model { images = t }",
+                 {"tips: wants at least four images in which it is known"});
 }
 
 TEST_F(VisionBinding, AScriptReadsNothingThatNobodyGaveIt) {
