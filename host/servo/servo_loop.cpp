@@ -176,13 +176,14 @@ void Servo::Loop::watch_plant(const Frame& frame, double now, const Observation&
   // What a filter takes for a leap is what a coil that fails looks like, and is heard too.
   // What the model lacks at constant currents says nothing of it at those that follow.
   const bool constant = control_mode() == ControlMode::constant;
-  // One camera alone has another depth than both: what it leaps by is no motion.
-  const bool paired = observation.position ? observation.pair_skew.has_value() : was_paired;
-  const bool other_view = paired != std::exchange(was_paired, paired);
-  if (let_go || other_view || constant != std::exchange(was_constant, constant) ||
+  const PairedView::Place place = observation.position
+                                      ? pairs.hear(observation.pair_skew.has_value())
+                                      : PairedView::Place::passed_over;
+  if (let_go || place == PairedView::Place::begins_anew ||
+      constant != std::exchange(was_constant, constant) ||
       (status.clearance && status.clearance->nearest().distance <= kFree))
     plant.forget();
-  else if (status.clearance && observation.position)
+  else if (status.clearance && place == PairedView::Place::taken)
     plant.measured(to_seconds(frame.exposed), *observation.position, observation.noise(),
                    observation.by_attitude, step.estimate ? step.estimate->delay : 0);
   const std::vector<double> sent = rig.coils->currents();

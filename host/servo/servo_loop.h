@@ -7,6 +7,7 @@
 #include "host/servo/attitude_loop.h"
 #include "host/servo/loop_report.h"
 #include "host/servo/observation_source.h"
+#include "host/servo/paired_view.h"
 #include "host/servo/plant_watch.h"
 #include "host/servo/robot_clearance.h"
 #include "host/servo/rotating_drive.h"
@@ -109,7 +110,7 @@ struct Servo::Loop {
   std::optional<Interlock::Heartbeat> heartbeat;  // while the loop runs
   Mode mode = Mode::holding;
   bool was_constant = false;  // the currents, a turn ago
-  bool was_paired = false;    // the last position: by both cameras
+  PairedView pairs;           // of what the plant watch hears
   ReferencePath reference;
   Eigen::Vector3d goal{0, 0, 0};  // m, the end of the reference
   bool starting = false;          // the reference's time has not begun
