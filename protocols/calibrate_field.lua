@@ -1,5 +1,5 @@
--- Calibrates the coils' field in the workspace by the robot's own motion, in seven minutes: with its axis along four directions it
--- goes through a box about the center, and what it did beside what the model let expect says how the coils' dipoles and the
+-- Calibrates the coils' field in the workspace by the robot's own motion, in seven minutes: with its axis along four directions
+-- it goes through a box about the center, and what it did beside what the model let expect says how the coils' dipoles and the
 -- background differ. A fifth direction is not fitted and judges the result. What is accepted goes into the rig's calibration
 -- file: the field as octomag_by_motion.yaml, drag and moment as factors (docs/how-to/calibrate.md).
 -- SPDX-License-Identifier: Apache-2.0
@@ -9,7 +9,7 @@ local files = require "files"
 local flights = require "calibration.field"
 local limits = require "calibration.limits"
 local units = require "units"
-local mm, um, s, mT, deg, uT = units.mm, units.um, units.s, units.mT, units.deg, units.uT
+local mm, um, s, mT, deg = units.mm, units.um, units.s, units.mT, units.deg
 
 local function pitched(pitch, azimuth)
   local p, a = pitch * deg, azimuth * deg
@@ -75,8 +75,8 @@ local function show_coils(run, found)
   end
   run:note(
     "a motion shows the coils together, at currents as they are allocated: their combinations in use are known better than "
-      .. "single coils. Gravity, drag and moment show as ratios alone, and the weight is taken as believed; outside of the box the "
-      .. "robot was not"
+      .. "single coils. Gravity, drag and moment show as ratios alone, and the weight is taken as believed; outside of the box "
+      .. "the robot was not"
   )
 end
 

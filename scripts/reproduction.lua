@@ -56,7 +56,7 @@ return {
   c1_eye_tracking = { protocol = "track_in_eye", rig = "color_eye", brief = "images=4 legs=1 channels=RG" },
   c2_occluded = { protocol = "track_occluded", rig = "color_occluded", brief = "images=4 passes=1 speed=3mm/s" },
   c3_colors = { protocol = "select_colors", rig = "color_eye", brief = "images=4" },
-  c4_discs = { protocol = "push_discs", rig = "push_discs", brief = "images=6 way=1mm" },
+  c4_discs = { protocol = "push_discs", rig = "push_discs", brief = "way=1mm" },
   d1_gels = {
     protocol = "motion_in_gels",
     brief = "gels=1 robot=ndfeb time=1s",

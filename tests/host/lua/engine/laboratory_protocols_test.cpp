@@ -31,6 +31,7 @@ std::string laboratory_for(const ProtocolDescription& protocol) {
 /// folder to train with or the robot's true place.
 const std::map<std::string, std::string> kMissing{
     {"track_sequence", "images: is missing"},
+    {"calibrate_field", "pose_sensor needs that role, and this rig has none"},
     {"dock", "pose_sensor needs that role, and this rig has none"},
     {"swim_path", "pose_sensor needs that role, and this rig has none"},
     {"swim_frequency", "pose_sensor needs that role, and this rig has none"},

@@ -296,8 +296,9 @@ TEST_F(Examples, OfTheRigsInstrumentsRun) {
       "-cm, -cm }, high = { cm, cm, cm } })\nlocal eye = rig:eye():sample { number = 1 }\n"
       "rig.sample:remove_robot() local background = rig:learn_background { frames = 4 }\n"
       "local motion = rig.stage:start { 0.05 * mm } motion:wait()\n";
-  // A reload is for the prompt (tests/host/lua/prompt/reload_test.cpp).
-  expect_run(machine, kOfRig, {"rig:reload"});
+  // A reload is for the prompt (tests/host/lua/prompt/reload_test.cpp); a field is identified by
+  // minutes of motion (protocols/calibrate_field.lua).
+  expect_run(machine, kOfRig, {"rig:reload", "rig:identify_field"});
 }
 
 TEST_F(Examples, OfTheRunAndItsFilesRun) {

@@ -194,7 +194,8 @@ TEST_F(RunControlTest, PausesAtTheCheckpointThatWasNamedAndResumes) {
           "a')\nrun:checkpoint('b')\nprint('after b')");
   other.join();
   EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
-  EXPECT_EQ(ear.said, "start;after a;paused at the checkpoint 'b';after b;");
+  EXPECT_EQ(ear.said,
+            "start;after a;paused at the checkpoint 'b' (go on: vitreo control resume);after b;");
   EXPECT_EQ(reply["status"]["phase"], "paused");
   EXPECT_EQ(reply["status"]["note"], "b");
   EXPECT_NE(events.find("paused:b;resumed:;"), std::string::npos) << events;
@@ -208,7 +209,7 @@ TEST_F(RunControlTest, AStopEndsAPausedRun) {
   const RunResult result = run("run:pause()\nrun:checkpoint('a')\nprint('not reached')");
   other.join();
   EXPECT_EQ(result.outcome, Outcome::stopped);
-  EXPECT_EQ(ear.said, "paused at the checkpoint 'a';");
+  EXPECT_EQ(ear.said, "paused at the checkpoint 'a' (go on: vitreo control resume);");
 }
 
 TEST_F(RunControlTest, AConditionSuspendsAtCheckpointsAndResumesWhereThatIsDeclared) {
