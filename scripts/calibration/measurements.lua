@@ -117,8 +117,8 @@ end
 
 --- How long after a new set-point the coil's field begins to follow, and with which time constant: steps of current seen by the
 --- field probe, a robust straight line through the times over log(1 - B/B_end). A teslameter is slower than the coils: the step
---- is repeated, each time asked a little later, over as long as one reading takes. A reading counts at the moment that the probe
---- says. Returns {delay, constant (s), times, values}.
+--- is repeated, each time asked a little later, over as long as a set-point and a reading take. A reading counts at the moment
+--- that the probe says. Returns {delay, constant (s), times, values}.
 function calibrations.coil_latency(rig, run, options)
   local coil, current, repeats = options.coil or 1, options.current or 2 * A, options.repeats
   local function field()
@@ -128,6 +128,7 @@ function calibrations.coil_latency(rig, run, options)
   local took = {}
   for k = 1, 3 do
     local asked = run:now()
+    rest(rig, run, 1 * ms)
     field()
     took[k] = run:now() - asked
   end
@@ -138,7 +139,8 @@ function calibrations.coil_latency(rig, run, options)
     rest(rig, run, 0.5 * s)
     zero = zero or (field())
     local began = run:now()
-    hold_current(rig, run, coil, current, 1 * ms + spread * (k - 1) / repeats)
+    hold_current(rig, run, coil, current, 1 * ms)
+    run:wait(spread * (k - 1) / repeats) -- beyond the set-point's own time on its link, which is 11 ms by USB
     repeat
       local value, at = field()
       times[#times + 1], values[#values + 1] = at - began, (value - zero):norm()

@@ -203,6 +203,17 @@ TEST(Calibration, AFileThatIsMissingOrMalformedIsNamedBeforeAnythingMoves) {
   }
 }
 
+// A reading comes each 31 ms there, 11 of them the set-point's own on its link: what is asked later
+// has to be asked later than that.
+TEST(CalibrateLatency, SeesTheStepWhateverTheSeed) {
+  const Workplace place;
+  for (int seed = 1; seed <= 6; ++seed) {
+    const Spoken spoken =
+        place.vitreo("run calibrate_latency --quiet --seed " + std::to_string(seed));
+    EXPECT_EQ(spoken.exit_code, 0) << seed << ": " << spoken.err;
+  }
+}
+
 TEST(GelStep, ThePidTunedInOilLimitCyclesInVitreousAndVelocityControlDoesNotOvershoot) {
   const Workplace place;
   const auto gel =
