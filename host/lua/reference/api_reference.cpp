@@ -112,8 +112,7 @@ std::string units_reference() {
   return text +
          "\nTemperatures are in K in scripts; a parameter of the unit `degC` is typed as "
          "`warmest=22degC`, its `default`, `min` and `max` are in K (`default = 295.15`), and so "
-         "is "
-         "what the script gets.\n";
+         "is what the script gets.\n";
 }
 
 std::string scripts_reference(const std::vector<ScriptModule>& modules) {

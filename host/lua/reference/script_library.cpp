@@ -41,12 +41,16 @@ ScriptFunction read_function(std::string head, std::istream& in) {
 void add_options(ScriptFunction& function, const std::string& line) {
   static const std::regex read(R"(\boptions\.([A-Za-z_]\w*)(?:\s+or\s+([^,(){}]*[^,(){}\s]))?)");
   for (std::sregex_iterator at(line.begin(), line.end(), read), end; at != end; ++at) {
-    const std::string name = (*at)[1], otherwise = (*at)[2];
+    const std::string name = (*at)[1];
+    // Up to the statement's next word; of a call or a table the source itself has to be read.
+    const std::string otherwise =
+        std::regex_replace((*at)[2].str(), std::regex(R"(\s+(do|then|and|or)\b.*)"), "");
     const auto known = std::find_if(
         function.options.begin(), function.options.end(),
         [&](const std::string& one) { return one == name || one.starts_with(name + " ("); });
     if (known != function.options.end()) continue;
-    const bool shown = !otherwise.empty() && otherwise.find(" then") == std::string::npos;
+    const std::string after = at->suffix();
+    const bool shown = !otherwise.empty() && !after.starts_with('(') && !after.starts_with('{');
     function.options.push_back(shown ? name + " (" + otherwise + ")" : name);
   }
 }
@@ -86,7 +90,7 @@ ScriptModule read_script_module(const std::string& name, const std::string& sour
     if (line.starts_with(kFunction)) {
       module.functions.push_back(read_function(line, in));
       module.functions.back().text = comment;
-      body = true;
+      body = !line.ends_with(" end");
     }
     if (line.starts_with(kReturn) && is_name(std::string_view(line).substr(kReturn.size())))
       module.table = line.substr(kReturn.size());

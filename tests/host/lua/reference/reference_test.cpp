@@ -326,6 +326,31 @@ return made
   EXPECT_EQ(module.functions[2].text, "");
 }
 
+TEST(ScriptLibrary, ReadsTheOptionsOfAFunctionFromItsBody) {
+  const ScriptModule module = read_script_module("a", R"(local made = {}
+--- Goes there.
+function made.go(servo, options)
+  for _ = 1, options.rounds or 2 do
+    servo:go(options.place, options.within or 400 * um, options.center or vector(0, 0, 0))
+    servo:go(options.place, options.quick and options.rounds)
+  end
+end
+function made.short(options) return options.side end
+local function hidden(options) return options.secret end
+function made.none(place) return place.options.depth end
+return made
+)");
+  ASSERT_EQ(module.functions.size(), 3U);
+  EXPECT_EQ(
+      module.functions[0].options,
+      (std::vector<std::string>{"rounds (2)", "place", "within (400 * um)", "center", "quick"}));
+  EXPECT_EQ(description_of(module.functions[0]),
+            "Goes there. Options: rounds (2), place, within (400 * um), center, quick.");
+  EXPECT_EQ(title_of(module.functions[0]), "made.go(servo, options)");
+  EXPECT_TRUE(module.functions[1].options.empty()) << "of one line: its comment says it";
+  EXPECT_TRUE(module.functions[2].options.empty());
+}
+
 /// The functions in the table that require(name) gives, as Lua has them.
 std::set<std::string> exported(const std::string& name) {
   const State state(library(), nullptr, {kScripts});
