@@ -152,12 +152,16 @@ async function supervise(page) {
   };
   await page.screenshot({ path: `${folder}/live_view_near.png` });
   // Far below what is left: the margin refuses, and says in mm what would be left.
-  const refused = () => page.evaluate(() => document.querySelector('#note')?.textContent.includes('keep_out.margin') ?? false);
-  for (let i = 0; i < 40 && !(await refused()); ++i) {
+  // The note is read where it is found: it goes away by itself while a busy machine fetches it.
+  const refusal = () =>
+    page.evaluate(() => {
+      const note = document.querySelector('#note')?.textContent ?? '';
+      return note.includes('keep_out.margin') ? note : undefined;
+    });
+  for (const since = Date.now(); Date.now() - since < patience.timeout && !(seen.refused = await refusal()); ) {
     await page.keyboard.press('ArrowDown');
     await page.waitForTimeout(100);
   }
-  seen.refused = await page.textContent('#note');
   await page.setViewportSize({ width: 820, height: 1180 });
   await page.waitForTimeout(300);
   seen.stopInSight = await page.evaluate(() => {
