@@ -165,7 +165,6 @@ bool WallClock::break_in(Time patience) {
     baton_.seize();
   }
   intruder_.thread = std::this_thread::get_id();
-  intruder_.deaf = true;
   intruder_.baton = std::unique_lock(baton_, std::adopt_lock);
   entries_.push_back(&intruder_);
   current_ = &intruder_;

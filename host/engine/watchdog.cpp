@@ -114,7 +114,8 @@ void Watchdog::take_over() {
   while (!done_) {
     if (control_.since(StopTier::abort).value_or(limits_.grace) >= limits_.grace) {
       control_.set_phase(RunPhase::not_responding);
-      return actions_.give_up();
+      actions_.give_up();
+      break;
     }
     // The thread that lost the baton has come back: it unwinds from here on.
     if (!clock_.displaced()) break;

@@ -25,7 +25,7 @@ FILES = {
     'host/safety/interlock.cpp': (110, 'InterlockR*:InterlockH*:InterlockL*:InterlockT*:InterlockW*:CoilRest*',
                                   'TimedInterlock*:HeldCurrent*:CurrentWatch*:HeartbeatLine*'),
     'host/safety/coil_temperature.cpp': (37, 'CoilTemperature*:CoilHeat*'),
-    'host/engine/watchdog.cpp': (45, 'RunWatchdog*:StuckRun*'),
+    'host/engine/watchdog.cpp': (45, 'WatchedRun*', 'RunWatchdog*:StuckRun*'),
     'host/session/alarms.cpp': (61, 'AlarmsTest*'),
     'devices/time/virtual_clock.cpp': (60, 'VirtualClock*:RealTimePace*:Watchdog*:Task*:'
                                               'Interrupt*:Deadlock*'),
@@ -34,7 +34,7 @@ FILES = {
     'host/servo/frame_validator.cpp': (80, 'FrameValidator*:ArrivalDelay*'),
     'host/servo/stamp_watch.cpp': (50, 'StampWatch*'),
     'host/servo/view_watch.cpp': (45, 'ViewWatch*'),
-    'host/session/run_control.cpp': (60, 'RunControlUnit*:RunWatchdog*:StuckRun*'),
+    'host/session/run_control.cpp': (60, 'RunControlUnit*', 'WatchedRun*:RunWatchdog*:StuckRun*'),
 }
 
 

@@ -2,6 +2,7 @@
 // milliseconds each.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/time/clock.h"
+#include "devices/time/turn_sharing.h"
 
 #include <gtest/gtest.h>
 
@@ -9,6 +10,7 @@
 #include <atomic>
 #include <stdexcept>
 #include <thread>
+#include <time.h>
 
 namespace vitreo {
 namespace {
@@ -117,6 +119,120 @@ TEST(WallClock, RefusesAThreadWithoutTheBaton) {
   }).join();
   ASSERT_TRUE(error);
   EXPECT_THROW(std::rethrow_exception(error), std::logic_error);
+}
+
+TEST(WallClock, WakesATaskThatWaitsWithoutEndWhenItIsNotified) {
+  const auto clock = wall_clock();
+  Signal signal;
+  bool there = false;
+  std::atomic<bool> heard{false};
+  const auto other = clock->spawn("other", [&] {
+    clock->wait(
+        signal, [&] { return there; }, kForever);
+    heard = true;
+  });
+  clock->sleep_for(5ms);  // it waits by now
+  there = true;
+  clock->notify(signal);
+  while (!heard && clock->now() < 10s) clock->sleep_for(1ms);
+  EXPECT_TRUE(heard);
+}
+
+/// Of the calling thread, s.
+double processor_time() {
+  timespec used{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used);
+  return static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec);
+}
+
+TEST(WallClock, UsesNoProcessorWhileItSleeps) {
+  const auto clock = wall_clock();
+  const double before = processor_time();
+  clock->sleep_for(300ms);
+  EXPECT_LT(processor_time() - before, 0.05);
+}
+
+TEST(WallClock, GivesTheOthersATurnWhereTheTimeHasPassedAlready) {
+  const auto clock = wall_clock();
+  std::atomic<bool> came{false};
+  const auto other = clock->spawn("other", [&] { came = true; });
+  while (!came && clock->now() < 10s) clock->sleep_until(Time(0));
+  EXPECT_TRUE(came);
+}
+
+TEST(WallClock, TakesTheTurnBackForWhatIsDoneInside) {
+  const auto clock = wall_clock();
+  Signal signal;
+  bool heard = false;
+  const auto other = clock->spawn("other", [&] {
+    clock->wait(
+        signal, [&] { return heard; }, kForever);
+  });
+  std::atomic<bool> free_again{false};
+  clock->outside([&] {
+    clock->inside([&] {
+      heard = true;
+      clock->notify(signal);
+      clock->sleep_for(1ms);
+    });
+    // Outside again: another task has its turn although this one does not wait.
+    std::thread watchdog([&] {
+      free_again = !clock->break_in(10s);
+      clock->leave();
+    });
+    watchdog.join();
+  });
+  EXPECT_TRUE(free_again);
+  clock->sleep_for(1us);
+  other->join();
+}
+
+TEST(WallClock, LosesItsTurnInsideToAWatchdogAndWaitsForItsEnd) {
+  const auto clock = wall_clock();
+  std::atomic<bool> taken{false}, left{false};
+  std::thread watchdog([&] {
+    while (clock->stuck_for() == Time(0)) std::this_thread::yield();
+    EXPECT_TRUE(clock->break_in(Time(0)));
+    taken = true;
+    std::this_thread::sleep_for(30ms);
+    left = true;
+    clock->leave();
+  });
+  clock->outside([&] {
+    clock->inside([&] {
+      while (!taken) std::this_thread::yield();  // stuck
+    });
+    EXPECT_TRUE(left);
+  });
+  watchdog.join();
+  EXPECT_NO_THROW(clock->sleep_for(1us));
+}
+
+TEST(WallClock, RefusesTheCallsOfATaskThatIsAlone) {
+  const auto clock = wall_clock();
+  ASSERT_TRUE(turn_sharing(*clock)->begin_alone());
+  EXPECT_THROW(clock->sleep_for(1ms), std::logic_error);
+  EXPECT_FALSE(turn_sharing(*clock)->begin_alone()) << "it is already";
+  ASSERT_TRUE(turn_sharing(*clock)->end_alone());
+  EXPECT_NO_THROW(clock->sleep_for(1ms));
+}
+
+TEST(WallClock, CountsFromTheBreakInWhatAWatchdogHoldsItUp) {
+  const auto clock = wall_clock();
+  std::atomic<bool> over{false};
+  Time before{}, after{};
+  std::thread watchdog([&] {
+    std::this_thread::sleep_for(300ms);
+    before = clock->stuck_for();
+    clock->break_in(Time(0));
+    after = clock->stuck_for();
+    clock->leave();
+    over = true;
+  });
+  while (!over) std::this_thread::yield();
+  watchdog.join();
+  EXPECT_GE(before, 290ms);
+  EXPECT_LT(after, before);
 }
 
 }  // namespace
