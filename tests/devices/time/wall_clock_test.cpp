@@ -8,6 +8,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <exception>
+#include <functional>
 #include <stdexcept>
 #include <thread>
 #include <time.h>
@@ -109,16 +111,47 @@ TEST(WallClock, PassesATasksErrorToWhoJoinsIt) {
 
 TEST(WallClock, RefusesAThreadWithoutTheBaton) {
   const auto clock = wall_clock();
-  std::exception_ptr error;
-  std::thread([&] {
-    try {
-      clock->sleep_for(1ms);
-    } catch (...) {
-      error = std::current_exception();
-    }
-  }).join();
-  ASSERT_TRUE(error);
-  EXPECT_THROW(std::rethrow_exception(error), std::logic_error);
+  Signal signal;
+  const auto refused = [&](const std::function<void()>& call) {
+    std::exception_ptr error;
+    std::thread([&] {
+      try {
+        call();
+      } catch (...) {
+        error = std::current_exception();
+      }
+    }).join();
+    ASSERT_TRUE(error);
+    EXPECT_THROW(std::rethrow_exception(error), std::logic_error);
+  };
+  refused([&] { clock->sleep_for(1ms); });
+  refused([&] { clock->notify(signal); });
+  refused([&] { clock->spawn("task", [] {}); });
+}
+
+TEST(WallClock, RefusesTheCallsOfATaskThatIsOutside) {
+  const auto clock = wall_clock();
+  clock->outside([&] {
+    EXPECT_THROW(clock->sleep_for(1ms), std::logic_error);
+    EXPECT_FALSE(turn_sharing(*clock)->end_alone()) << "it is not alone";
+    clock->inside([&] { clock->sleep_for(1us); });
+    EXPECT_THROW(clock->sleep_for(1ms), std::logic_error) << "outside again";
+  });
+}
+
+TEST(WallClock, InterruptsTheMainTaskAndNoOther) {
+  const auto clock = wall_clock();
+  std::atomic<bool> finished{false};
+  const auto other = clock->spawn("other", [&] {
+    for (int i = 0; i < 20; ++i) clock->sleep_for(100us);
+    finished = true;
+  });
+  clock->outside([&] {
+    clock->interrupt();
+    while (!other->done()) std::this_thread::sleep_for(1ms);
+  });
+  EXPECT_TRUE(finished);
+  EXPECT_THROW(clock->sleep_for(1ms), Stopped);
 }
 
 TEST(WallClock, WakesATaskThatWaitsWithoutEndWhenItIsNotified) {
