@@ -91,8 +91,9 @@ Ticks make_decades(const Range& range, double wanted) {
       const double at = decade + std::log10(factor);
       if (at < range.low - kSlack || at > range.high + kSlack || (decade - from) % every) continue;
       std::string label = fmt::format("{:g}", factor * std::pow(10.0, decade));
-      if (factor == 1 && (decade > 3 || decade < -2)) {
-        label = decade < 0 ? "10\u207b" : "10";
+      if (decade > 3 || decade < -2) {
+        label = factor > 1 ? fmt::format("{}\u00b7", factor) : "";
+        label += decade < 0 ? "10\u207b" : "10";
         for (const char digit : std::to_string(std::abs(decade))) label += raised[digit - '0'];
       }
       ticks.at.push_back(at);

@@ -107,7 +107,8 @@ TEST(ServoSquare, TheSameSeedGivesTheSameResultsToTheBit) {
   const Workplace place;
   const auto results = [&](int seed) {
     auto all = nlohmann::json::parse(
-        place.vitreo("run servo_square --json --seed " + std::to_string(seed)).out)["results"];
+        place.vitreo("run servo_square width=2mm depth=2mm --json --seed " + std::to_string(seed))
+            .out)["results"];
     all.erase("wall_time");
     return all;
   };

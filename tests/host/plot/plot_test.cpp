@@ -183,6 +183,9 @@ TEST(Plot, ALogarithmicAxisShowsDecadesAndLeavesOutWhatIsNotPositive) {
   const Drawing drawing = lay_out_plot(plot, 640, 360);
   EXPECT_NEAR(drawing.px(0) - drawing.px(-3), drawing.px(3) - drawing.px(0), 1e-9);
   EXPECT_EQ(make_decades({0, 1}, 8).labels, (std::vector<std::string>{"1", "2", "5", "10"}));
+  EXPECT_EQ(make_decades({-5, -4}, 8).labels,
+            (std::vector<std::string>{"10\u207b\u2075", "2\u00b710\u207b\u2075",
+                                      "5\u00b710\u207b\u2075", "10\u207b\u2074"}));
   plot.series[0].y = {0, -1, 1e-3};
   EXPECT_EQ(lay_out_plot(plot, 640, 360).strokes[0].size(), 1U);
   plot.series[0].y = {0, -1, 0};
