@@ -141,12 +141,7 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   // by its noise alone the outline would bend the axis by five degrees to save a tenth of a pixel,
   // one way or the other from frame to frame where the robot is seen from straight above.
   optics::ObjectPoseSettings weighed = *tilted_;
-  // Of plates that lie the ellipsoid's outline is off by the square of the sine of their pitch, 0.3
-  // px at 15 degrees, the plates' own by a tenth of a pixel, which is 40 um of depth: the better of
-  // the two (docs/rotating_fields.md).
-  constexpr double kLies = 0.15;  // sine of the pitch at which both are off alike
-  const bool lies = std::abs(axis_.z()) < kLies;
-  if (weighed.object.crossed && lies)
+  if (weighed.object.crossed && lies_level())
     weighed.object = optics::ellipsoid(
         {model_.robot.semi_radius, model_.robot.semi_radius, model_.robot.semi_axis});
   const double noise = std::sqrt(seen.covariance(2, 2));  // px, of the semi-major axis
@@ -164,9 +159,27 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   // that shows it, is the least that is unknown of it, but for the prior.
   const double outline = error / seen.ellipse.semi_major_px;
   const double known = 1 / std::hypot(1 / outline, 1 / tilted_->orientation_sigma);
-  const double sigma = std::sqrt((best.covariance(3, 3) + best.covariance(4, 4)) / 2);
+  // The solver had the prior as much too narrow as the outline, so its covariance is that of the
+  // noise. What is unknown of the axis is the prior where the outline does not show it: back to
+  // scale.
+  const double scale = weighed.orientation_sigma / tilted_->orientation_sigma;
+  Eigen::Matrix<double, 3, 2> across;  // what turning about the body's first two axes does to it
+  across << -best.pose.orientation.col(1), best.pose.orientation.col(0);
+  const Eigen::Matrix2d turning = best.covariance.block<2, 2>(3, 3) / (scale * scale) +
+                                  known * known * Eigen::Matrix2d::Identity();
   return Found{best.pose.position_in_eye, covariance, best.residual_px, best.pose.orientation,
-               std::hypot(sigma, known)};
+               across * turning * across.transpose()};
+}
+
+/// Of plates that lie the ellipsoid's outline is off by the square of the sine of their pitch, 0.3
+/// px at 15 degrees, and of rolled ones by what is lacking of their width, 35 px (1 - cos roll);
+/// the plates' own by a tenth of a pixel, which is 40 um of depth: the better of the two
+/// (docs/rotating_fields.md). A robot that was turned through a steep pitch comes back rolled.
+bool Localizer::lies_level() const {
+  constexpr double kLies = 0.15;     // sine of the pitch at which both are off alike
+  constexpr double kLevel = 0.0757;  // sine of the roll, the same
+  const double roll = std::min(std::abs(side_.z()), std::abs(axis_.cross(side_).z()));
+  return std::abs(axis_.z()) < kLies && roll < kLevel;
 }
 
 /// The view from straight above without an eye, a scaled orthographic projection: x and y, and of
@@ -234,7 +247,8 @@ void Localizer::localize(Observation& observation) {
   observation.residual_px = found->residual_px;
   last_attitude_ = found->attitude;
   if (found->attitude) observation.axis = found->attitude->col(2);
-  observation.axis_sigma = found->axis_sigma;
+  observation.axis_covariance = found->axis_covariance;
+  observation.axis_sigma = std::sqrt(found->axis_covariance.trace() / 2);
 }
 
 // The update of a Kalman filter with the side view as measurement z = H p + noise, which for
@@ -260,20 +274,19 @@ void join_side(Observation& observation, const SideObservation& side) {
 }
 
 // The side view's direction s, in the plane of x and z, says of the axis a that a.n = 0, n across s
-// in that plane: one scalar measurement of a Kalman filter whose error of a is the same in both
-// directions across it.
+// in that plane: one scalar measurement of a Kalman filter.
 void join_side_axis(Observation& observation, const SideObservation& side) {
   if (!observation.axis || !side.direction) return;
   const Eigen::Vector3d normal(-side.direction->y(), 0, side.direction->x());
   Eigen::Vector3d& axis = *observation.axis;
   const double shown = std::hypot(axis.x(), axis.z());  // of its length, in the side view
-  const double P = observation.axis_sigma * observation.axis_sigma;
   const double noise = side.direction_sigma * shown;
-  const double gain = P / (P + noise * noise);
-  if (!(gain > 0)) return;
-  axis = (axis - gain * axis.dot(normal) * normal).normalized();
-  // Of the two directions one is known better: the mean of both variances.
-  observation.axis_sigma = std::sqrt((P + (1 - gain) * P) / 2);
+  Eigen::Matrix3d& P = observation.axis_covariance;
+  const Eigen::Vector3d K = P * normal / (normal.dot(P * normal) + noise * noise);
+  if (!K.allFinite()) return;
+  axis = (axis - axis.dot(normal) * K).normalized();
+  P = ((Eigen::Matrix3d::Identity() - K * normal.transpose()) * P).eval();
+  observation.axis_sigma = std::sqrt(std::max(0.0, P.trace()) / 2);
 }
 
 }  // namespace vitreo

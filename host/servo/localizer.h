@@ -34,7 +34,10 @@ struct Observation {
   double residual_px = 0;           // of the pose against the ellipse
   std::optional<double> pair_skew;  // s: the side camera's exposure less this one; nothing: alone
   std::optional<Eigen::Vector3d> axis{};  // the robot's, unit, world; nothing where not estimated
-  double axis_sigma = 0;                  // rad, in each direction across it
+  /// Of the axis, along directions across it (singular along it): near level the top camera knows
+  /// the azimuth to half a degree and of the pitch little beyond what was expected.
+  Eigen::Matrix3d axis_covariance = Eigen::Matrix3d::Zero();
+  double axis_sigma = 0;  // rad: the mean of it over the two directions
 };
 
 /// One camera, through the optics of the eye (thesis 5).
@@ -68,13 +71,14 @@ class Localizer {
     Eigen::Matrix3d covariance;
     double residual_px;
     std::optional<Eigen::Matrix3d> attitude{};  // body to eye, its third axis the robot's
-    double axis_sigma = 0;
+    Eigen::Matrix3d axis_covariance = Eigen::Matrix3d::Zero();  // eye
   };
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
   SystematicDoubt systematic_of(const Found& found, const vision::EllipseMeasurement& seen) const;
   Eigen::Matrix3d expected_attitude() const;
+  bool lies_level() const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
                                  const Eigen::Vector3d& start_in_eye) const;
 
