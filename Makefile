@@ -4,7 +4,7 @@ PREFIX ?= /usr/local
 BUILD  := build/$(PRESET)
 SUDO   := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: help setup build run test test-kernel test-long bench bench-vision asan tsan mutate fuzz format format-check tidy install deb fresh check-scripts \
+.PHONY: help setup build run test test-kernel test-long bench bench-vision asan tsan mutate mutate-numeric fuzz format format-check tidy install deb fresh check-scripts \
         format-scripts reference clean
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -48,6 +48,10 @@ tsan:            ## every test under the thread sanitizer
 mutate: setup $(BUILD)/CMakeCache.txt ## mutants of the safety code against their tests: 95 % must be killed (15 minutes)
 	cmake --build $(BUILD) --target mutants
 	python3 -B tests/mutation/mutate.py $(BUILD)/tests/mutation
+
+mutate-numeric: build ## the same of the numeric code and of the record: 90 % must be killed, 95 % of what moves the coils
+	cmake --build $(BUILD) --target numeric_mutants
+	python3 -B tests/mutation/mutate.py $(BUILD)/tests/mutation --numeric
 
 SECONDS ?= 30
 fuzz: setup      ## feed every parser of outside bytes with random ones (SECONDS=30 each; clang)

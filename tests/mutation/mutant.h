@@ -32,6 +32,25 @@ inline bool is(int number) {
   return noted;
 }
 
+/// Where there is no mutant, because what it would compute has no meaning: says so.
+inline void none(int number) {
+  if (number != chosen()) return;
+  const char* const file = std::getenv("VITREO_MUTANT_NONE");
+  const int made = file == nullptr ? -1 : ::open(file, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
+  if (made >= 0) ::close(made);
+}
+
+/// By value: an expression of Eigen's refers to its operands, which end with the operator here.
+template <class T>
+auto plain(const T& value) {
+  if constexpr (requires { value.eval(); })
+    return value.eval();
+  else
+    return std::decay_t<T>(value);
+}
+template <class T>
+using Plain = decltype(plain(std::declval<T>()));
+
 /// a < b as (a < Less(n)) > b: the named operator has the precedence of the one that it stands for,
 /// so nothing of the operands must be known.
 template <class A>
@@ -58,35 +77,35 @@ Compared<A, R> operator==(const A& a, Relational<R> which) {
   return {a, which.number};
 }
 template <Relation R, class A, class B>
-bool hold(const A& a, const B& b) {
-  if constexpr (R == Relation::less) return a < b;
-  if constexpr (R == Relation::less_equal) return a <= b;
-  if constexpr (R == Relation::greater) return a > b;
-  if constexpr (R == Relation::greater_equal) return a >= b;
-  if constexpr (R == Relation::equal) return a == b;
-  if constexpr (R == Relation::unequal) return a != b;
+auto hold(const A& a, const B& b) {
+  if constexpr (R == Relation::less) return plain(a < b);
+  if constexpr (R == Relation::less_equal) return plain(a <= b);
+  if constexpr (R == Relation::greater) return plain(a > b);
+  if constexpr (R == Relation::greater_equal) return plain(a >= b);
+  if constexpr (R == Relation::equal) return plain(a == b);
+  if constexpr (R == Relation::unequal) return plain(a != b);
 }
 /// The neighbor: the bound itself changes sides; equality is negated.
 template <Relation R, class A, class B>
-bool wrong(const A& a, const B& b) {
-  if constexpr (R == Relation::less) return a <= b;
-  if constexpr (R == Relation::less_equal) return a < b;
-  if constexpr (R == Relation::greater) return a >= b;
-  if constexpr (R == Relation::greater_equal) return a > b;
-  if constexpr (R == Relation::equal) return !(a == b);
-  if constexpr (R == Relation::unequal) return a == b;
+auto wrong(const A& a, const B& b) {
+  if constexpr (R == Relation::less) return plain(a <= b);
+  if constexpr (R == Relation::less_equal) return plain(a < b);
+  if constexpr (R == Relation::greater) return plain(a >= b);
+  if constexpr (R == Relation::greater_equal) return plain(a > b);
+  if constexpr (R == Relation::equal) return plain(a != b);
+  if constexpr (R == Relation::unequal) return plain(a == b);
 }
 template <class A, Relation R, class B>
-bool operator>(Compared<A, R> a, const B& b) {
+auto operator>(Compared<A, R> a, const B& b) {
   return is(a.number) ? wrong<R>(a.value, b) : hold<R>(a.value, b);
 }
 template <class A, Relation R, class B>
-bool operator==(Compared<A, R> a, const B& b) {
+auto operator==(Compared<A, R> a, const B& b) {
   return is(a.number) ? wrong<R>(a.value, b) : hold<R>(a.value, b);
 }
 
 /// The sum as a difference and the reverse, a product as a quotient and the reverse; where the
-/// other one is of another type, as of two points in time, there is no mutant.
+/// other one is of another type, as of two points in time, there is no mutant (none()).
 enum class Sum { plus, minus };
 enum class Product { times, over };
 template <Sum S>
@@ -108,7 +127,7 @@ struct Factor {
   int number;
 };
 template <class A, Sum S>
-Summand<std::decay_t<A>, S> operator+(A&& a, Summing<S> which) {
+auto operator+(A&& a, Summing<S> which) -> Summand<std::decay_t<A>, S> {
   return {std::forward<A>(a), which.number};
 }
 template <class A, Product P>
@@ -117,30 +136,42 @@ Factor<std::decay_t<A>, P> operator*(A&& a, Multiplying<P> which) {
 }
 template <class A, class B>
 auto operator+(Summand<A, Sum::plus> a, const B& b) {
-  using Result = std::decay_t<decltype(a.value + b)>;
-  if constexpr (requires { Result(a.value - b); })
+  using Result = Plain<decltype(a.value + b)>;
+  if constexpr (requires { Result(a.value - b); }) {
     if (is(a.number)) return Result(a.value - b);
+  } else {
+    none(a.number);
+  }
   return Result(a.value + b);
 }
 template <class A, class B>
 auto operator+(Summand<A, Sum::minus> a, const B& b) {
-  using Result = std::decay_t<decltype(a.value - b)>;
-  if constexpr (requires { Result(a.value + b); })
+  using Result = Plain<decltype(a.value - b)>;
+  if constexpr (requires { Result(a.value + b); }) {
     if (is(a.number)) return Result(a.value + b);
+  } else {
+    none(a.number);
+  }
   return Result(a.value - b);
 }
 template <class A, class B>
 auto operator*(Factor<A, Product::times> a, const B& b) {
-  using Result = std::decay_t<decltype(a.value * b)>;
-  if constexpr (requires { Result(a.value / b); })
+  using Result = Plain<decltype(a.value * b)>;
+  if constexpr (requires { Result(a.value / b); }) {
     if (is(a.number)) return Result(a.value / b);
+  } else {
+    none(a.number);
+  }
   return Result(a.value * b);
 }
 template <class A, class B>
 auto operator*(Factor<A, Product::over> a, const B& b) {
-  using Result = std::decay_t<decltype(a.value / b)>;
-  if constexpr (requires { Result(a.value * b); })
+  using Result = Plain<decltype(a.value / b)>;
+  if constexpr (requires { Result(a.value * b); }) {
     if (is(a.number)) return Result(a.value * b);
+  } else {
+    none(a.number);
+  }
   return Result(a.value / b);
 }
 

@@ -107,6 +107,7 @@ class Source:
         after = [''] * len(self.tokens)
         before = [''] * len(self.tokens)
         skip_until = -1
+        in_template = self.template_arguments()
         for i, token in enumerate(self.tokens):
             if i < skip_until or not self.inside[i]:
                 continue
@@ -158,12 +159,29 @@ class Source:
                 self.statement(i, before, after)
             elif re.fullmatch(r"\d[\d']*(\.\d*)?([eE][-+]?\d+)?", token):
                 previous = self.tokens[self.solid(i, -1)]
-                if previous in ('[', '<', 'case') or self.tokens[i + 1] in ('>', ']'):
+                if previous in ('[', 'case') or self.tokens[i + 1] == ']' or i in in_template:
                     continue  # an array's size, a template's argument
                 number = self.new(i, 'number')
                 out[i] = f'::mutant::number({number}, {token})'
         text = ''.join(b + t + a for b, t, a in zip(before, out, after))
         return '#include "tests/mutation/mutant.h"\n' + text
+
+    def template_arguments(self):
+        """The tokens between < and > that stand close to what they enclose."""
+        arguments = set()
+        for i, token in enumerate(self.tokens):
+            if token != '<' or self.spaced(i):
+                continue
+            depth = 0
+            for j in range(i, min(i + 200, len(self.tokens))):
+                depth += (self.tokens[j] == '<') - (self.tokens[j] == '>')
+                depth -= 2 * (self.tokens[j] == '>>')
+                if depth <= 0:
+                    arguments.update(range(i, j))
+                    break
+                if self.tokens[j] in (';', '{'):
+                    break
+        return arguments
 
     def binary(self, i):
         previous = self.tokens[self.solid(i, -1)]

@@ -343,7 +343,9 @@ TEST_F(WatchedRun, ThatMadeItselfSafeIsLeftAloneUntilItIsGivenUp) {
   began = Steady::now();
   control.request(StopTier::abort);
   within(200ms, [&] { return broke_in(); });
-  if (since() < bounds.grace) EXPECT_FALSE(broke_in());
+  if (since() < bounds.grace) {
+    EXPECT_FALSE(broke_in());
+  }
   EXPECT_TRUE(within(10s, [&] { return given_up_at.load() >= 0ms; }));
   EXPECT_GE(given_up_at.load(), 399ms);
   EXPECT_EQ(control.status().phase, RunPhase::not_responding);
