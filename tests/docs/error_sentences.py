@@ -53,7 +53,18 @@ def rows(page: pathlib.Path):
     for line in page.read_text(encoding="utf-8").split("\n"):
         if cell := re.match(r"^\|\s*((?:`[^`]+`(?:,\s*)?)+)\s*\|", line):
             for pattern in re.findall(r"`([^`]+)`", cell.group(1)):
-                yield pattern, re.compile(".*".join(re.escape(part) for part in pattern.split("...")), re.I)
+                yield pattern, pattern.lower().split("...")
+
+
+def fits(parts: list[str], sentence: str) -> bool:
+    """Do the parts stand in the sentence in their order? Each at its first place: no later one would leave more room."""
+    at = 0
+    for part in parts:
+        at = sentence.find(part, at)
+        if at < 0:
+            return False
+        at += len(part)
+    return True
 
 
 def main() -> int:
@@ -68,9 +79,10 @@ def main() -> int:
     patterns = list(rows(tree / "docs" / "troubleshooting.md")) if (tree / "docs" / "troubleshooting.md").exists() else []
     used, missing = set(), []
     for sentence, path in found.items():
-        fits = [pattern for pattern, expression in patterns if expression.search(sentence)]
-        used.update(fits)
-        if not fits:
+        lower = sentence.lower()
+        fitting = [pattern for pattern, parts in patterns if fits(parts, lower)]
+        used.update(fitting)
+        if not fitting:
             missing.append(f"{path}: {sentence}")
     if "--list" in sys.argv:
         print("\n".join(missing))
