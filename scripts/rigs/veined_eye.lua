@@ -1,6 +1,6 @@
--- The eye with a color camera under weak light, before a retina that is as dark as the robot and full of dark red vessels: what
--- table 8.2 of the thesis shows of its scene (RG and YV good, YU worse, HS and GB bad). Its light and reflectances are inferred from
--- that table; tables 8.3 and figures 8.7 are then to come out of themselves.
+-- The eye with a color camera under weak light, before a retina about as dark as the robot and full of dark red vessels: what
+-- table 8.2 of the thesis shows of its scene (R-G and Y-V good, Y-U worse, H-S and G-B bad). Its light and reflectances are
+-- inferred from that table; tables 8.3 and figure 8.7 are then to come out of themselves (docs/vision.md).
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm = units.mm
