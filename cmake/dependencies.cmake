@@ -40,6 +40,12 @@ find_library(OPENCV_video opencv_video REQUIRED)
 vitreo_lazy_library(vitreo_lazy_video ${OPENCV_video})
 target_link_libraries(vitreo_opencv_video INTERFACE vitreo_opencv vitreo_lazy_video)
 
+# Networks of learned evidence; a target of its own, since only vision/ uses it.
+add_library(vitreo_opencv_dnn INTERFACE)
+find_library(OPENCV_dnn opencv_dnn REQUIRED)
+vitreo_lazy_library(vitreo_lazy_dnn ${OPENCV_dnn})
+target_link_libraries(vitreo_opencv_dnn INTERFACE vitreo_opencv vitreo_lazy_dnn)
+
 # Recorded videos; a target of its own, since it brings ffmpeg, and optics, vision and control do without.
 add_library(vitreo_video INTERFACE)
 find_library(OPENCV_videoio opencv_videoio REQUIRED)

@@ -53,7 +53,7 @@ set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PACKAGE_DEPENDS "libopencv-imgcodecs406, libopencv-videoio406, libopencv-video406, libaravis-0.8-0")
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "libopencv-imgcodecs406, libopencv-videoio406, libopencv-video406, libopencv-dnn406, libaravis-0.8-0")
 # Its fonts come with Debian's fontconfig.
 # Without it a run is exported all the same, only not as a film that every player shows.
 set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "ffmpeg")

@@ -247,6 +247,7 @@ return {
   parameters = {
     images = { required = true, help = "a folder of PNG frames, or a video file" },
     training = { required = true, help = "a folder of images NAME.png with masks NAME_mask.png" },
+    network = { default = "", help = "learned evidence beside the colors, such as networks/evidence.onnx" },
     tips = { default = "", help = "csv: name, x_px, y_px: where the head ends in training images, for heading and tip" },
     truth = { default = "", help = "csv: frame, cx, cy, A, B, phi_deg, visible" },
     truth_axes = { choices = { "full", "semi" }, default = "full", help = "what A and B of the truth are" },
@@ -259,7 +260,8 @@ return {
     local next_frame, count = open_frames(p.images)
     local training = vision.training { folder = p.training }
     if p.tips ~= "" then point_at_tips(training, p.tips) end
-    local model = vision.color_model { images = training, channels = p.channels }
+    local network = p.network ~= "" and p.network or nil
+    local model = vision.color_model { images = training, channels = p.channels, network = network }
     model:save("object.model")
     local quality = model:info().quality
     run:note(("learnt from %d images: quality %.2f +- %.2f"):format(#training, quality.mean, quality.deviation))

@@ -53,9 +53,9 @@ return {
   b6_drift_edge = { protocol = "drift_test", rig = "plain_sight", arguments = "machines=3 feedback=two_cameras edge=6mm" },
   b7_kummer_coni = { protocol = "drift_orientations", rig = "open_vessel", brief = "machines=1 orientations=1 hold=1s" },
   b8_kummer_ni = { protocol = "drift_orientations", rig = "open_vessel_ni", arguments = "field=20mT speed=0.2mm/s" },
-  c1_eye_tracking = { protocol = "track_in_eye", rig = "color_eye", brief = "images=4 legs=1 channels=RG" },
+  c1_eye_tracking = { protocol = "track_in_eye", rig = "veined_eye", brief = "images=4 legs=1 channels=RG" },
   c2_occluded = { protocol = "track_occluded", rig = "color_occluded", brief = "images=4 passes=1 speed=3mm/s" },
-  c3_colors = { protocol = "select_colors", rig = "color_eye", brief = "images=4" },
+  c3_colors = { protocol = "select_colors", rig = "veined_eye", brief = "images=4" },
   c4_discs = { protocol = "push_discs", rig = "push_discs", brief = "way=1mm" },
   d1_gels = {
     protocol = "motion_in_gels",

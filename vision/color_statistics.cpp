@@ -101,21 +101,6 @@ std::vector<double> histogram_of(const std::vector<double>& counts,
   return histogram;
 }
 
-// F of every pixel.
-// In natural units, log of a ratio; the table has sixteenths.
-cv::Mat table_image(const cv::Mat& image, const std::vector<std::int8_t>& table) {
-  cv::Mat f(image.size(), CV_32F);
-  for (int v = 0; v < image.rows; ++v) {
-    const auto* from = image.ptr<cv::Vec3b>(v);
-    auto* to = f.ptr<float>(v);
-    for (int u = 0; u < image.cols; ++u) {
-      to[u] = static_cast<float>(table[ColorModel::cell_of(from[u][0], from[u][1], from[u][2])] /
-                                 ColorModel::kScale);
-    }
-  }
-  return f;
-}
-
 // Omega_n of thesis 8.1.1: the mask dilated by a disc omega, without the mask.
 // Only the neighborhood counts for quality and thresholds, since a tracker meets that and not the
 // whole image.
@@ -167,6 +152,21 @@ Thresholds flat_part(const std::function<double(double)>& cost, double slack) {
 double midpoint(const Thresholds& t) { return (t.low + t.high) / 2; }
 
 }  // namespace
+
+// F of every pixel.
+// In natural units, log of a ratio; the table has sixteenths.
+cv::Mat table_image(const cv::Mat& image, const std::vector<std::int8_t>& table) {
+  cv::Mat f(image.size(), CV_32F);
+  for (int v = 0; v < image.rows; ++v) {
+    const auto* from = image.ptr<cv::Vec3b>(v);
+    auto* to = f.ptr<float>(v);
+    for (int u = 0; u < image.cols; ++u) {
+      to[u] = static_cast<float>(table[ColorModel::cell_of(from[u][0], from[u][1], from[u][2])] /
+                                 ColorModel::kScale);
+    }
+  }
+  return f;
+}
 
 // Omega_o against its whole complement Omega_b, as thesis 8.1.1 defines the histograms; only
 // quality and thresholds look at the neighborhood.
@@ -231,13 +231,13 @@ Quality quality_of(std::span<const LabeledImage> images, const std::vector<std::
 // weighted_thresholds(). Averaged over the images, as the thesis does.
 // Thresholds are taken on smoothed F, quality on the plain one, as the thesis' rule F > 0 is.
 std::array<Thresholds, 2> thresholds_of(std::span<const LabeledImage> images,
-                                        const std::vector<std::int8_t>& table,
+                                        const EvidenceImage& evidence,
                                         const ColorModelSettings& settings) {
   Thresholds flat;
   Thresholds weighted;
   const auto count = static_cast<double>(images.size());
   for (const LabeledImage& one : images) {
-    cv::Mat f = table_image(one.image, table);
+    cv::Mat f = evidence(one.image);
     cv::blur(f, f, {3, 3});  // as Evidence does: thresholds of unsmoothed F fail on smoothed F
     const auto object = sorted_values(f, one.mask);
     const auto ground = sorted_values(f, neighborhood(one.mask, settings.neighborhood_px));

@@ -6,6 +6,7 @@
 #include "vision/color_model.h"
 
 #include <array>
+#include <functional>
 
 namespace vitreo::vision {
 
@@ -25,9 +26,13 @@ std::vector<std::int8_t> compile_table(const ColorCounts& counts,
 /// object.
 Quality quality_of(std::span<const LabeledImage> images, const std::vector<std::int8_t>& table,
                    int neighborhood_px);
+/// F of every pixel of an image, CV_32F, in natural units.
+using EvidenceImage = std::function<cv::Mat(const cv::Mat& image)>;
 /// (8.2) on F as the tracker smooths it: the flat and the weighted reading (ColorModel).
 std::array<Thresholds, 2> thresholds_of(std::span<const LabeledImage> images,
-                                        const std::vector<std::int8_t>& table,
+                                        const EvidenceImage& evidence,
                                         const ColorModelSettings& settings);
+/// The table's.
+cv::Mat table_image(const cv::Mat& image, const std::vector<std::int8_t>& table);
 
 }  // namespace vitreo::vision

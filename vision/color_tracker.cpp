@@ -97,10 +97,12 @@ struct ColorTracker::State : TrackMemory {
       : model(std::move(learnt)),
         settings(chosen),
         view(model, settings.view),
+        search_source(evidence_source(model)),
         search({{0, 0}, model.semi_axes_px.x(), model.semi_axes_px.y(), 0}) {}
 
   Ellipse expected() const;
   bool near_expected(const cv::Mat& image, const Owned& owned, Track& track);
+  bool near_expected_relit(const cv::Mat& image, const Owned& owned, Track& track);
   bool anywhere(const cv::Mat& image, const Owned& owned, Track& track);
   void search_in(const LogColor& gains, const Eigen::Vector2d& axes, const cv::Mat& image,
                  const Owned& owned);
@@ -127,6 +129,7 @@ struct ColorTracker::State : TrackMemory {
   ObjectModel model;
   ColorTrackerSettings settings;
   ObjectView view;
+  std::unique_ptr<EvidenceSource> search_source;
   ObjectSearch search;
   struct {
     std::optional<Judged> best;
@@ -374,6 +377,22 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
   return false;
 }
 
+// After the light jumped: the object is where it was expected to be, in one of the lights that it
+// may have now.
+bool ColorTracker::State::near_expected_relit(const cv::Mat& image, const Owned& owned,
+                                              Track& track) {
+  const LightMemory::Guesses guesses = light.guesses(model.light);
+  for (std::size_t k = 1; k < guesses.count; ++k) {
+    view.set_light(guesses.gains[k]);
+    if (!near_expected(image, owned, track)) continue;
+    light.take(guesses.gains[k]);
+    track.light = guesses.gains[k];
+    return true;
+  }
+  view.set_light(track.light);
+  return false;
+}
+
 // A candidate of the search, measured: twice at most, from the rough position, then from the first
 // result. The prior is wide, as the candidate's position is good to some px and its angle to some
 // tenths of rad.
@@ -401,10 +420,10 @@ void ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d
                                     const cv::Mat& image, const Owned& owned) {
   const Eigen::Vector2d middle(image.cols / 2.0, image.rows / 2.0);
   const bool known = state != TrackState::searching;
-  search.set_light(gains);
+  search_source->set_light(gains);
   search.set_size(axes);
   view.set_light(gains);
-  for (const Ellipse& start : search.find(image, model.color, known ? last.center_px : middle,
+  for (const Ellipse& start : search.find(image, *search_source, known ? last.center_px : middle,
                                           settings.candidates, owned.map, owned.self)) {
     Judged look;
     if (!look_at(image, owned, start, axes, look.seen)) continue;
@@ -541,6 +560,8 @@ Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   s.view.set_light(track.light);
   const bool followed = s.state == TrackState::tracking || s.state == TrackState::coasting;
   bool found = (followed || s.agreed > 0) && s.near_expected(image, owned, track);
+  if (!found && followed && s.settings.adapt && s.light.jumped())
+    found = s.near_expected_relit(image, owned, track);
   if (!found) s.drop_candidate();
   if (!found && followed) s.not_seen();
   if (!found && (s.state == TrackState::searching || s.state == TrackState::lost))

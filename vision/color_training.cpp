@@ -48,7 +48,9 @@ ColorModel ColorModel::train(std::span<const LabeledImage> images,
   model.channels_ = settings.channels;
   model.table_ = compile_table(counts, settings);
   model.quality_ = quality_of(images, model.table_, settings.neighborhood_px);
-  const auto both = thresholds_of(images, model.table_, settings);
+  const auto both = thresholds_of(
+      images, [&model](const cv::Mat& image) { return table_image(image, model.table_); },
+      settings);
   model.flat_ = both[0];
   model.weighted_ = both[1];
   return model;

@@ -6,6 +6,26 @@
 #include <limits>
 
 namespace vitreo::vision {
+namespace {
+
+// The gate's bounding box, whose half sides are hypot(a cos, b sin) and hypot(a sin, b cos), and
+// kMargin blocked pixels all round, so that neighbors of a front pixel always exist.
+cv::Rect region_of(const Ellipse& gate, int max_side_px) {
+  const double c = std::cos(gate.angle);
+  const double s = std::sin(gate.angle);
+  const double a = gate.semi_major_px;
+  const double b = gate.semi_minor_px;
+  const auto half = [most = max_side_px / 2](double side) {
+    return std::min(static_cast<int>(std::ceil(side)) + Evidence::kMargin + 1, most);
+  };
+  const int half_u = half(std::hypot(a * c, b * s));
+  const int half_v = half(std::hypot(a * s, b * c));
+  const int u0 = static_cast<int>(std::lround(gate.center_px.x()));
+  const int v0 = static_cast<int>(std::lround(gate.center_px.y()));
+  return {u0 - half_u, v0 - half_v, 2 * half_u + 1, 2 * half_v + 1};
+}
+
+}  // namespace
 
 // Pixels whose centers lie within; first == end where the row misses the ellipse.
 RowSpan row_of(const Ellipse& e, int v) {
@@ -47,16 +67,13 @@ void Evidence::reserve(int side_px) {
 // Sums of F over three columns of row v, which lies in the image, into its slot of the ring of
 // three. Pixels outside of the image count as F = 0.
 // A pixel's F is an int8, a sum of nine of them an int16 without overflow.
-void Evidence::read_row(const cv::Mat& image, const ColorModel& model, int v) {
-  const std::int8_t* table = model.table().data();
+void Evidence::read_row(const cv::Mat& image, const EvidenceSource& source, int v) {
   const auto width = static_cast<std::size_t>(region_.width);
   const int first = std::max(region_.x - 1, 0);
   const int end = std::min(region_.x + region_.width + 1, image.cols);
-  const unsigned char* from = image.ptr<unsigned char>(v) + 3 * static_cast<std::ptrdiff_t>(first);
   std::fill(row_.begin(), row_.begin() + static_cast<std::ptrdiff_t>(width + 2), std::int8_t{0});
-  std::int8_t* to = row_.data() + (first - (region_.x - 1));
-  for (int u = first; u < end; ++u, from += 3, ++to)
-    *to = table[light_.cell_of(from[0], from[1], from[2])];
+  if (end > first)
+    source.read(image, v, first, 1, end - first, row_.data() + (first - (region_.x - 1)));
   std::int16_t* sums = sums_.data() + static_cast<std::size_t>((v + 3) % 3) * width;
   const std::int8_t* f = row_.data();
   for (std::size_t k = 0; k < width; ++k)
@@ -88,25 +105,12 @@ void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const 
   }
 }
 
-// Row by row with a ring of three rows of sums, so that every pixel's F is looked up once. The
-// gate's bounding box has the half sides hypot(a cos, b sin) and hypot(a sin, b cos).
-// `gate` in px; the region is its bounding box and kMargin blocked pixels all round, so that
-// neighbors of a front pixel always exist.
-void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse& gate,
+// Row by row with a ring of three rows of sums, so that every pixel's F is looked up once.
+void Evidence::look(const cv::Mat& image, EvidenceSource& source, const Ellipse& gate,
                     int max_side_px, const cv::Mat& owned, unsigned char self) {
   image_ = image.size();
-  const double c = std::cos(gate.angle);
-  const double s = std::sin(gate.angle);
-  const double a = gate.semi_major_px;
-  const double b = gate.semi_minor_px;
-  const int most = max_side_px / 2;
-  const int half_u =
-      std::min(static_cast<int>(std::ceil(std::hypot(a * c, b * s))) + kMargin + 1, most);
-  const int half_v =
-      std::min(static_cast<int>(std::ceil(std::hypot(a * s, b * c))) + kMargin + 1, most);
-  const int u0 = static_cast<int>(std::lround(gate.center_px.x()));
-  const int v0 = static_cast<int>(std::lround(gate.center_px.y()));
-  region_ = {u0 - half_u, v0 - half_v, 2 * half_u + 1, 2 * half_v + 1};
+  region_ = region_of(gate, max_side_px);
+  source.prepare(image, region_);
   const auto width = static_cast<std::size_t>(region_.width);
   const auto height = static_cast<std::size_t>(region_.height);
   if (values_.size() < width * height) values_.resize(width * height);
@@ -124,11 +128,11 @@ void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse
     }
     // The ring holds the rows v - 1, v and v + 1; outside of the image a row counts as F = 0.
     if (v == std::max(first, 0)) {
-      if (v > 0) read_row(image, model, v - 1);
-      read_row(image, model, v);
+      if (v > 0) read_row(image, source, v - 1);
+      read_row(image, source, v);
     }
     if (v + 1 < image.rows) {
-      read_row(image, model, v + 1);
+      read_row(image, source, v + 1);
     } else {
       std::fill_n(sums_.begin() +
                       static_cast<std::ptrdiff_t>(static_cast<std::size_t>((v + 4) % 3) * width),

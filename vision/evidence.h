@@ -1,11 +1,11 @@
-// Evidence map: a color model's log-likelihood ratio F in a region around the predicted object,
+// Evidence map: the log-likelihood ratio F of a source in a region around the predicted object,
 // smoothed, with all that cannot be the object blocked.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "vision/color_model.h"
 #include "vision/ellipse.h"
-#include "vision/light.h"
+#include "vision/evidence_source.h"
 
 #include <opencv2/core/mat.hpp>
 
@@ -33,17 +33,13 @@ class Evidence {
 
   /// Makes room for regions of up to `side_px` squared at once, so that none is made later.
   void reserve(int side_px);
-  /// Reads `image` (CV_8UC3) within `gate`: 3 x 3 sums of F there, kBlocked everywhere else, which
-  /// the level set can never enter, so that the region bounds its work. `owned` (CV_8UC1 of the
-  /// image's size, or empty): pixels not 0 and not `self` belong to another object and are blocked
-  /// too. The region may stick out of the image; what is outside is blocked. A gate wider than
-  /// `max_side_px` is cut to it. Allocates only when the region outgrows all before.
-  void look(const cv::Mat& image, const ColorModel& model, const Ellipse& gate, int max_side_px,
+  /// Reads `source` of `image` (CV_8UC3) within `gate`: 3 x 3 sums of F there, kBlocked everywhere
+  /// else, which the level set can never enter, so that the region bounds its work. `owned`
+  /// (CV_8UC1 of the image's size, or empty): pixels not 0 and not `self` belong to another object
+  /// and are blocked too. The region may stick out of the image; what is outside is blocked. A gate
+  /// wider than `max_side_px` is cut to it. Allocates only when the region outgrows all before.
+  void look(const cv::Mat& image, EvidenceSource& source, const Ellipse& gate, int max_side_px,
             const cv::Mat& owned = {}, unsigned char self = 0);
-  /// Gains of the images to come; none at first.
-  void set_light(const LogColor& gains) {
-    if ((gains != light_.gains()).any()) light_.set(gains);
-  }
 
   const cv::Rect& region() const { return region_; }
   /// Whether the image that was looked at has that pixel.
@@ -61,10 +57,9 @@ class Evidence {
   double between(double u, double v) const;
 
  private:
-  void read_row(const cv::Mat& image, const ColorModel& model, int v);
+  void read_row(const cv::Mat& image, const EvidenceSource& source, int v);
   void fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned,
                 unsigned char self);
-  LightTable light_;
   cv::Rect region_;
   cv::Size image_;
   std::vector<std::int16_t> values_;

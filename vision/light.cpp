@@ -128,8 +128,9 @@ void LightMemory::next(const TrainedLight& trained, const cv::Mat& image) {
   if (!trained.known) return;
   const LogColor now = clamped_light(log_light(image) - trained.ground, kMostGain);
   const LogColor change = now - ground_;
-  if (started_ && change.abs().maxCoeff() < kGroundJump)
-    gains_ = clamped_light(gains_ + change, kMostGain);
+  const bool smooth = change.abs().maxCoeff() < kGroundJump;
+  if (started_ && smooth) gains_ = clamped_light(gains_ + change, kMostGain);
+  since_jump_ = smooth || !started_ ? std::min(since_jump_ + 1, kJumpFrames) : 0;
   ground_ = now;
   started_ = true;
 }

@@ -67,6 +67,9 @@ class LightMemory {
   /// In use; zero while the light is about that of the training.
   LogColor gains() const;
   Guesses guesses(const TrainedLight& trained) const;
+  /// Whether the ground's light jumped in one of the last images: a lamp that was switched, or
+  /// another view. Its gains are a guess then, and not in use.
+  bool jumped() const { return since_jump_ < kJumpFrames; }
   /// One of them turned out right.
   void take(const LogColor& gains) { gains_ = gains; }
 
@@ -74,6 +77,8 @@ class LightMemory {
   LogColor gains_ = LogColor::Zero();
   LogColor ground_ = LogColor::Zero();  // of the last image, against training
   bool started_ = false;
+  static constexpr int kJumpFrames = 4;
+  int since_jump_ = kJumpFrames;
 };
 
 }  // namespace vitreo::vision

@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <optional>
 #include <vector>
@@ -72,6 +73,7 @@ class Lessons {
       : model_(model),
         settings_(refined(settings)),
         view_(model, settings_),
+        source_(evidence_source(model)),
         search_({{0, 0}, model.semi_axes_px.x(), model.semi_axes_px.y(), 0}) {}
 
   // Looks at one image under every disturbance, and at the object moved to other places of its
@@ -118,9 +120,9 @@ class Lessons {
                                      Lesson{0, kMisjudged}, Lesson{0, -kMisjudged}}) {
       const cv::Mat image = disturbed(one.labeled.image, one.truth, kind, seed);
       view_.set_light(LogColor::Constant(gain));
-      search_.set_light(LogColor::Constant(gain));
+      source_->set_light(LogColor::Constant(gain));
       std::vector<Ellipse> places =
-          search_.find(image, model_.color, Eigen::Vector2d(image.cols / 2.0, image.rows / 2.0), 8,
+          search_.find(image, *source_, Eigen::Vector2d(image.cols / 2.0, image.rows / 2.0), 8,
                        owned.map, owned.self);
       for (int k = 0; k < kPlaces; ++k)
         places.push_back({{random.uniform(0.0, 1.0) * (image.cols - 1),
@@ -132,7 +134,7 @@ class Lessons {
     }
     at_anatomy_resized(memory, one, owned, random);
     view_.set_light(LogColor::Zero());
-    search_.set_light(LogColor::Zero());
+    source_->set_light(LogColor::Zero());
   }
 
   // For the object in other sizes, in the light as it is.
@@ -140,11 +142,11 @@ class Lessons {
                           cv::RNG& random) {
     const cv::Mat& image = one.labeled.image;
     view_.set_light(LogColor::Zero());
-    search_.set_light(LogColor::Zero());
+    source_->set_light(LogColor::Zero());
     for (const double size : kSizes) {
       search_.set_size(size * model_.semi_axes_px);
       std::vector<Ellipse> places =
-          search_.find(image, model_.color, Eigen::Vector2d(image.cols / 2.0, image.rows / 2.0), 6,
+          search_.find(image, *source_, Eigen::Vector2d(image.cols / 2.0, image.rows / 2.0), 6,
                        owned.map, owned.self);
       for (int k = 0; k < kPlacesResized; ++k)
         places.push_back({{random.uniform(0.0, 1.0) * (image.cols - 1),
@@ -238,6 +240,7 @@ class Lessons {
   const ObjectModel& model_;
   ObjectViewSettings settings_;
   ObjectView view_;
+  std::unique_ptr<EvidenceSource> source_;  // of the search
   ObjectSearch search_;
 };
 

@@ -2,6 +2,7 @@
 #include "vision/object_model.h"
 
 #include "vision/bytes.h"
+#include "vision/learned_evidence.h"
 
 #include <utility>
 
@@ -9,7 +10,7 @@ namespace vitreo::vision {
 namespace {
 
 constexpr std::string_view kObjectMagic = "VTOM";
-constexpr std::uint32_t kObjectVersion = 4;
+constexpr std::uint32_t kObjectVersion = 5;
 constexpr int kFeaturesBefore4 = 9;
 constexpr int kMostAsked = 1000000;
 
@@ -66,6 +67,17 @@ TrainedLight load_light(ByteReader& in) {
   return light;
 }
 
+// The network itself is looked at here, so that a damaged one is found with the file and not in the
+// first frame.
+void load_network(ByteReader& in, ObjectModel& model) {
+  model.network = in.text(in.u32());
+  model.network_thresholds.low = in.f64(-8, 8);
+  model.network_thresholds.high = in.f64(-8, 8);
+  if (model.network_thresholds.low > model.network_thresholds.high)
+    in.fail("its lower threshold is above the higher");
+  if (!model.network.empty()) LearnedEvidence::check(model.network);
+}
+
 // Its length first, so that the reader knows where the part ends.
 void save_part(ByteWriter& out, const std::string& part) {
   out.u32(static_cast<std::uint32_t>(part.size()));
@@ -74,11 +86,10 @@ void save_part(ByteWriter& out, const std::string& part) {
 
 }  // namespace
 
-// Format "VTOM", version 4: image size, mean axes, both calibrations, then color and shape model,
+// Format "VTOM", version 5: image size, mean axes, both calibrations, then color and shape model,
 // each with its length, then the look memory and the audit, which version 1 does not have, then the
-// light, which version 2 does not have either. Before version 4 looks had no size, and the audit
-// asked for the
-// trained size alone, and there was no head model.
+// light, which version 2 does not have either. Before version 4 looks had no size, the audit asked
+// for the trained size alone, and there was no head model; before version 5 no network.
 std::string ObjectModel::save() const {
   ByteWriter out;
   out.text(kObjectMagic);
@@ -94,6 +105,9 @@ std::string ObjectModel::save() const {
   save_audit(out, audit);
   save_light(out, light);
   head.save(out);
+  save_part(out, network);
+  out.f64(network_thresholds.low);
+  out.f64(network_thresholds.high);
   return out.sealed();
 }
 
@@ -101,7 +115,7 @@ std::string ObjectModel::save() const {
 // bounds.
 ObjectModel ObjectModel::load(std::string_view bytes) {
   std::uint32_t version = kObjectVersion;
-  if (bytes.size() > 4 && bytes[4] >= 1 && bytes[4] <= 3)
+  if (bytes.size() > 4 && bytes[4] >= 1 && bytes[4] <= 4)
     version = static_cast<std::uint32_t>(bytes[4]);
   ByteReader in(bytes, kObjectMagic, version, "object model");
   ObjectModel model;
@@ -118,6 +132,7 @@ ObjectModel ObjectModel::load(std::string_view bytes) {
   }
   if (version > 2) model.light = load_light(in);
   if (version > 3) model.head = HeadModel::load(in);
+  if (version > 4) load_network(in, model);
   in.end();
   return model;
 }

@@ -61,17 +61,25 @@ struct ObjectModel {
   Calibration segment;                 ///< of those without
   LookMemory looks;                    ///< empty in a model saved before there was one
   FalseBelief audit;
-  HeadModel head;      ///< empty unless learnt: which end is the head, and where its tip is
-  TrainedLight light;  ///< not known in a model saved before it was learnt
+  HeadModel head;  ///< empty unless learnt: which end is the head, and where its tip is
+  /// ONNX of learned evidence (learned_evidence.h); empty: the colors alone.
+  std::string network;
+  Thresholds network_thresholds;  ///< of F with the network's part
+  TrainedLight light;             ///< not known in a model saved before it was learnt
 
+  /// Of the F that its evidence has.
+  const Thresholds& thresholds() const {
+    return network.empty() ? color.weighted_thresholds() : network_thresholds;
+  }
   /// What a person should know before trusting it, a sentence each; none of a good model.
   std::vector<std::string> warnings() const;
 
   /// Colors from all of the masks; shape and calibration from the largest part of each, of those
-  /// that no edge of the image cuts while there is one. Throws std::invalid_argument as
-  /// ColorModel::train, for images of different sizes, and for masks thinner than 5 px.
+  /// that no edge of the image cuts while there is one. `network`: ONNX of learned evidence, or
+  /// empty. Throws std::invalid_argument as ColorModel::train, for images of different sizes, for
+  /// masks thinner than 5 px, and for bytes that are no such network.
   static ObjectModel train(std::span<const LabeledImage> images, const ColorModelSettings& color,
-                           const ObjectViewSettings& view);
+                           const ObjectViewSettings& view, const std::string& network = {});
   std::string save() const;
   /// Throws std::invalid_argument for anything that save() did not write.
   static ObjectModel load(std::string_view bytes);

@@ -34,13 +34,12 @@ void ObjectSearch::set_size(const Eigen::Vector2d& semi_axes_px) {
 
 // F of every cell and its integral image (Crow 1984).
 // Pixels of other objects count as the surest ground, so that no box covers them.
-void ObjectSearch::read(const cv::Mat& image, const ColorModel& model, const cv::Mat& owned,
+void ObjectSearch::read(const cv::Mat& image, const EvidenceSource& source, const cv::Mat& owned,
                         unsigned char self) {
-  const std::int8_t* table = model.table().data();
   const int second = step_ / 2;  // two pixels of each cell: half the variance of one
   for (int j = 0; j < rows_; ++j) {
-    const auto* first = image.ptr<cv::Vec3b>(j * step_);
-    const auto* other = image.ptr<cv::Vec3b>(j * step_ + second);
+    source.read(image, j * step_, 0, step_, columns_, pixels_[0].data());
+    source.read(image, j * step_ + second, second, step_, columns_, pixels_[1].data());
     std::int16_t* to = f_.data() + static_cast<std::ptrdiff_t>(j) * columns_;
     const std::int32_t* above = sums_.data() + static_cast<std::ptrdiff_t>(j) * (columns_ + 1);
     std::int32_t* sum = sums_.data() + static_cast<std::ptrdiff_t>(j + 1) * (columns_ + 1);
@@ -48,10 +47,8 @@ void ObjectSearch::read(const cv::Mat& image, const ColorModel& model, const cv:
     std::int32_t row = 0;
     sum[0] = 0;
     for (int i = 0; i < columns_; ++i) {
-      const cv::Vec3b& a = first[i * step_];
-      const cv::Vec3b& b = other[i * step_ + second];
-      int value =
-          (table[light_.cell_of(a[0], a[1], a[2])] + table[light_.cell_of(b[0], b[1], b[2])]) / 2;
+      const auto k = static_cast<std::size_t>(i);
+      int value = (pixels_[0][k] + pixels_[1][k]) / 2;
       if (owner != nullptr && owner[i * step_] != 0 && owner[i * step_] != self)
         value = -kMostTableF;
       value = std::clamp(value, -kMostTableF, kMostTableF);
@@ -127,7 +124,7 @@ Ellipse ObjectSearch::settle(int i, int j) const {
 }
 
 // At most 16, the best first; the list is overwritten by the next call. `owned` may be empty.
-const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, const ColorModel& model,
+const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, EvidenceSource& source,
                                                const Eigen::Vector2d& near_px, int most,
                                                const cv::Mat& owned, unsigned char self) {
   found_.clear();
@@ -137,6 +134,10 @@ const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, const Color
   // Room for the smallest cells at once, so that another size allocates nothing.
   const auto columns = static_cast<std::size_t>(image.cols / kLeastStep);
   const auto rows = static_cast<std::size_t>(image.rows / kLeastStep);
+  for (std::vector<std::int8_t>& one : pixels_) {
+    one.reserve(columns);
+    one.resize(static_cast<std::size_t>(columns_));
+  }
   f_.reserve(columns * rows);
   score_.reserve(columns * rows);
   sums_.reserve((columns + 1) * (rows + 1));
@@ -145,7 +146,8 @@ const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, const Color
   score_.resize(cells);
   sums_.resize(cells + static_cast<std::size_t>(columns_ + rows_ + 1));
   std::fill_n(sums_.begin(), static_cast<std::size_t>(columns_) + 1, 0);
-  read(image, model, owned, self);
+  source.prepare(image, {{0, 0}, image.size()});
+  read(image, source, owned, self);
   score(near_px);
   for (int k = 0; k < std::min(most, 16); ++k) {
     const auto best = std::max_element(score_.begin(), score_.end());

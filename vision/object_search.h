@@ -3,12 +3,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/color_model.h"
 #include "vision/ellipse.h"
-#include "vision/light.h"
+#include "vision/evidence_source.h"
 
 #include <opencv2/core/mat.hpp>
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -24,30 +24,26 @@ class ObjectSearch {
   /// At most `most` candidates, best first, of the searched size. `near_px`: the expected center,
   /// which decides between similar candidates. `owned` as Evidence::look. Allocates only when the
   /// image is larger than all before.
-  const std::vector<Ellipse>& find(const cv::Mat& image, const ColorModel& model,
+  const std::vector<Ellipse>& find(const cv::Mat& image, EvidenceSource& source,
                                    const Eigen::Vector2d& near_px, int most,
                                    const cv::Mat& owned = {}, unsigned char self = 0);
   /// Semi-axes of the object in the searches to come, px.
   void set_size(const Eigen::Vector2d& semi_axes_px);
-  /// Gains of the images to come; none at first.
-  void set_light(const LogColor& gains) {
-    if ((gains != light_.gains()).any()) light_.set(gains);
-  }
 
  private:
-  void read(const cv::Mat& image, const ColorModel& model, const cv::Mat& owned,
+  void read(const cv::Mat& image, const EvidenceSource& source, const cv::Mat& owned,
             unsigned char self);
   int box(int i, int j) const;
   void score(const Eigen::Vector2d& near_px);
   Ellipse settle(int i, int j) const;
-  LightTable light_;
   int step_ = 0;
   int half_ = 0;
   Ellipse size_;  // px
   int columns_ = 0;
   int rows_ = 0;
-  std::vector<std::int16_t> f_;     // of each cell, ColorModel::kScale F, clamped
-  std::vector<std::int32_t> sums_;  // integral image, one row and column more
+  std::array<std::vector<std::int8_t>, 2> pixels_;  // two of each cell of one row
+  std::vector<std::int16_t> f_;                     // of each cell, ColorModel::kScale F, clamped
+  std::vector<std::int32_t> sums_;                  // integral image, one row and column more
   std::vector<float> score_;
   std::vector<Ellipse> found_;
 };

@@ -1,5 +1,7 @@
 // Training of an object model: colors, shape and calibration from images with masks.
 // SPDX-License-Identifier: Apache-2.0
+#include "vision/color_statistics.h"
+#include "vision/learned_evidence.h"
 #include "vision/look_training.h"
 #include "vision/moments.h"
 #include "vision/object_model.h"
@@ -150,16 +152,38 @@ TrainedLight light_of(const std::vector<KnownObject>& images) {
   return light;
 }
 
+// (8.2) on the F that the network has a part in, weighted as that of the colors.
+Thresholds thresholds_with(const ObjectModel& model, std::span<const LabeledImage> images,
+                           const ColorModelSettings& settings) {
+  LearnedEvidence source(model.color, model.network);
+  const auto evidence = [&source](const cv::Mat& image) {
+    source.prepare(image, {{0, 0}, image.size()});
+    cv::Mat whole(image.size(), CV_8SC1);
+    for (int v = 0; v < image.rows; ++v)
+      source.read(image, v, 0, 1, image.cols, whole.ptr<std::int8_t>(v));
+    cv::Mat f;
+    whole.convertTo(f, CV_32F, 1 / ColorModel::kScale);
+    return f;
+  };
+  return thresholds_of(images, evidence, settings)[1];
+}
+
 }  // namespace
 
 // Colors first: shape and calibration are measured with them. The calibrations use the training
 // images themselves, so they show the bias, not how far it generalizes.
 // Throws std::invalid_argument naming the image at fault.
 ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
-                               const ColorModelSettings& color, const ObjectViewSettings& view) {
+                               const ColorModelSettings& color, const ObjectViewSettings& view,
+                               const std::string& network) {
   view.check();
   ObjectModel model;
   model.color = ColorModel::train(images, color);
+  if (!network.empty()) {
+    LearnedEvidence::check(network);
+    model.network = network;
+    model.network_thresholds = thresholds_with(model, images, color);
+  }
   const std::vector<KnownObject> whole = whole_masks(images);
   std::vector<cv::Mat> masks;
   for (const KnownObject& one : whole) masks.push_back(one.labeled.mask);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/object_view.h"
 
+#include "vision/learned_evidence.h"
 #include "vision/preconditions.h"
 
 #include <algorithm>
@@ -33,12 +34,18 @@ void ObjectViewSettings::check() const {
     require(thresholds->low <= thresholds->high, "thresholds: the lower is above the higher");
 }
 
+std::unique_ptr<EvidenceSource> evidence_source(const ObjectModel& model) {
+  if (model.network.empty()) return std::make_unique<ColorEvidence>(model.color);
+  return std::make_unique<LearnedEvidence>(model.color, model.network);
+}
+
 ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& settings)
     : model_(&model),
       settings_(settings),
-      thresholds_(settings.thresholds.value_or(model.color.weighted_thresholds())),
+      thresholds_(settings.thresholds.value_or(model.thresholds())),
       // The object at twice its size or a little more, and room for a gate that has grown.
       max_side_px_(static_cast<int>(5 * model.semi_axes_px.x() + 6 * settings.gate_px) + 16),
+      source_(evidence_source(model)),
       level_set_(settings.level_set),
       rim_(settings.rim) {
   settings.check();
@@ -102,8 +109,7 @@ Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, d
                                 const EllipsePrior& prior, const Owned& owned, bool from_front) {
   Observation result;
   result.expected_axes_px = {expected.semi_major_px, expected.semi_minor_px};
-  evidence_.look(image, model_->color, grown(expected, gate_px), max_side_px_, owned.map,
-                 owned.self);
+  evidence_.look(image, *source_, grown(expected, gate_px), max_side_px_, owned.map, owned.self);
   level_set_.start(evidence_, expected);
   level_set_.evolve(thresholds_);
   result.segment = level_set_.keep_largest();

@@ -7,6 +7,7 @@
 #include "vision/object_model.h"
 #include "vision/radial_rim.h"
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -35,6 +36,9 @@ struct Observation {
 /// `size`: against the masks.
 LookFeatures features_of(const Observation& seen, double size);
 
+/// Of the model's colors, or of its network where it has one. `model` must outlive it.
+std::unique_ptr<EvidenceSource> evidence_source(const ObjectModel& model);
+
 class ObjectView {
  public:
   /// `model` must outlive it.
@@ -45,7 +49,7 @@ class ObjectView {
   Observation observe(const cv::Mat& image, const Ellipse& expected, double gate_px,
                       const EllipsePrior& prior, const Owned& owned = {}, bool from_front = true);
   /// Gains of the images to come against those of the training; none at first.
-  void set_light(const LogColor& gains) { evidence_.set_light(gains); }
+  void set_light(const LogColor& gains) { source_->set_light(gains); }
 
  private:
   void count_support(const Ellipse& ellipse, Observation& observation) const;
@@ -53,6 +57,7 @@ class ObjectView {
   ObjectViewSettings settings_;
   Thresholds thresholds_;
   int max_side_px_;
+  std::unique_ptr<EvidenceSource> source_;
   Evidence evidence_;
   LevelSet level_set_;
   RadialRim rim_;

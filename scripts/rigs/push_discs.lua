@@ -1,12 +1,25 @@
--- A robot and a disc on the floor of the eye, seen from above without optics by a color camera (thesis 8.3.1); the pose sensor
--- replaces the operator in steering.
+-- A robot and three discs of its color on the floor of the eye, seen from above without optics by a color camera (thesis 8.3.1);
+-- the pose sensor replaces the operator in steering.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um = units.mm, units.um
 
+-- A disc of the robot's own gray.
+local function disc(x, y)
+  return {
+    shape = "disc",
+    semi_axis = 0.3 * mm,
+    semi_radius = 0.5 * mm,
+    position = { x, y, -4.65 * mm },
+    axis = { 0, 0, 1 },
+    density = 1200,
+    color = { 0.16, 0.16, 0.16 },
+  }
+end
+
 return {
   base = "color_eye",
-  title = "Simulated OctoMag, color camera from above, one disc",
+  title = "Simulated OctoMag, color camera from above, three discs",
 
   top_camera = {
     view = "plain",
@@ -21,15 +34,9 @@ return {
 
   truth = {
     bodies = {
-      disc = {
-        shape = "disc",
-        semi_axis = 0.3 * mm,
-        semi_radius = 0.5 * mm,
-        position = { 0.4 * mm, 0, -4.65 * mm },
-        axis = { 0, 0, 1 },
-        density = 1200,
-        color = { 0.9, 0.2, 0.05 },
-      },
+      disc = disc(0.4 * mm, 0),
+      passed_disc = disc(0.2 * mm, 1.02 * mm),
+      far_disc = disc(1.2 * mm, -1.7 * mm),
     },
   },
 }

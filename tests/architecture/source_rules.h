@@ -120,7 +120,7 @@ inline const std::vector<Row> kTable{
     {"vision/",
      {"vision/"},
      {},
-     {"Eigen/", "ceres/", "opencv2/core", "opencv2/imgproc", "opencv2/video"},
+     {"Eigen/", "ceres/", "opencv2/core", "opencv2/imgproc", "opencv2/video", "opencv2/dnn"},
      false,
      true},
     {"control/", {"control/"}, {}, {"Eigen/", "ceres/"}, false, true},

@@ -93,10 +93,10 @@ BENCHMARK(detect)->Name("vision/color_tracker_detect_and_measure");
 
 void search(benchmark::State& state) {
   const ObjectModel model = ObjectModel::train(recording().training, {}, {});
+  ColorEvidence colors(model.color);
   ObjectSearch searcher({{0, 0}, model.semi_axes_px.x(), model.semi_axes_px.y(), 0});
   int k = 0;
-  for (auto _ : state)
-    benchmark::DoNotOptimize(searcher.find(frame(k++), model.color, {320, 240}, 3));
+  for (auto _ : state) benchmark::DoNotOptimize(searcher.find(frame(k++), colors, {320, 240}, 3));
 }
 BENCHMARK(search)->Name("vision/color_tracker_search_whole_image");
 

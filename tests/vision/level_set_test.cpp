@@ -43,7 +43,8 @@ struct Evolved {
   Evolved(const cv::Mat& image, const Ellipse& start, double gate_px,
           const LevelSetSettings& settings = {}, const Thresholds& thresholds = {-1, 1})
       : front(settings) {
-    evidence.look(image, two_grays(), grown(start, gate_px), 400);
+    ColorEvidence colors(two_grays());
+    evidence.look(image, colors, grown(start, gate_px), 400);
     front.start(evidence, start);
     front.evolve(thresholds);
     segment = front.keep_largest();

@@ -48,6 +48,8 @@ struct SequenceSettings {
   std::vector<Companion> companions{};
   std::function<Ellipse(int)> path{};  ///< of the robot, instead of its wandering
   double shadow = 0.10;                ///< share of the light that the robot's shadow takes
+  /// What the lamp does to blue, green and red in frame k; the training is in its full light.
+  std::function<cv::Vec3f(int)> lamp{};
 };
 
 struct Frame {
@@ -100,6 +102,10 @@ class Sequence {
     shade(light, out.truth, k);
     out.visible = cover(light, out.truth, k);
     illuminate(light, k);
+    if (settings_.lamp) {
+      const cv::Vec3f factor = settings_.lamp(k);
+      cv::multiply(light, cv::Scalar(factor[0], factor[1], factor[2]), light);
+    }
     if (settings_.motion_blur_px > 1)
       cv::blur(light, light, {static_cast<int>(settings_.motion_blur_px), 1});
     out.image = camera(light, k);
@@ -112,6 +118,7 @@ class Sequence {
   std::vector<LabeledImage> training(int count, int from = 5000, int step = 37, int who = -1) {
     SequenceSettings plain = settings_;
     plain.hidden_from = plain.half_hidden_from = -1;
+    plain.lamp = {};
     std::swap(settings_, plain);
     std::vector<LabeledImage> images;
     for (int k = 0; k < count; ++k) {

@@ -24,6 +24,19 @@ constexpr std::uintmax_t kLargestModel = 64'000'000;  // bytes; one has half a m
 
 const vision::ObjectModel& model_of(const Call& call) { return call.self<TrainedModel>().model; }
 
+/// A file's bytes, which `option` names. Throws std::invalid_argument naming both.
+std::string bytes_of(const Call& call, const std::string& option, const std::string& name,
+                     std::uintmax_t most) {
+  const std::filesystem::path file = readable(call.context(), name);
+  if (!std::filesystem::is_regular_file(file))
+    throw std::invalid_argument(option + ": " + name + " is no file");
+  if (std::filesystem::file_size(file) > most)
+    throw std::invalid_argument(option + ": " + name + " is too long for a model");
+  std::ostringstream bytes;
+  bytes << std::ifstream(file, std::ios::binary).rdbuf();
+  return bytes.str();
+}
+
 /// Some seconds of work on a task of its own, on copies of the images' headers: their pixels are
 /// shared, and nothing changes them.
 int train(const Call& call) {
@@ -31,13 +44,16 @@ int train(const Call& call) {
   auto made = std::make_shared<TrainedModel>();
   made->color = color_settings(call);
   const vision::ObjectViewSettings view = view_settings(call);
+  const auto network_file = call.text_option("network");
+  const std::string network =
+      network_file ? bytes_of(call, "network", *network_file, kLargestModel) : std::string();
   const std::vector<Eigen::Vector2d> tips = tips_option(call);
   const bool pointed =
       std::any_of(tips.begin(), tips.end(), [](const auto& tip) { return tip.allFinite(); });
   return call.wait(work(
       call, "training",
       [=] {
-        made->model = vision::ObjectModel::train(*images, made->color, view);
+        made->model = vision::ObjectModel::train(*images, made->color, view, network);
         if (pointed) made->model.head = vision::HeadModel::train(*images, tips);
       },
       from_seconds(kMaxTraining),
@@ -50,16 +66,10 @@ int train(const Call& call) {
 /// What color_model:save wrote, and nothing else (ObjectModel::load). Of the training's settings
 /// the file has the channels alone, from which its table was compiled.
 int load(const Call& call, const std::string& name) {
-  const std::filesystem::path file = readable(call.context(), name);
-  if (!std::filesystem::is_regular_file(file))
-    throw std::invalid_argument("file: " + name + " is no file");
-  if (std::filesystem::file_size(file) > kLargestModel)
-    throw std::invalid_argument("file: " + name + " is too long for a model");
-  std::ostringstream bytes;
-  bytes << std::ifstream(file, std::ios::binary).rdbuf();
+  const std::string bytes = bytes_of(call, "file", name, kLargestModel);
   auto made = std::make_shared<TrainedModel>();
   try {
-    made->model = vision::ObjectModel::load(bytes.str());
+    made->model = vision::ObjectModel::load(bytes);
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument("file: " + name + ": " + error.what());
   }
@@ -68,11 +78,22 @@ int load(const Call& call, const std::string& name) {
   return 1;
 }
 
+/// Of vision.color_model beside `file`.
+std::vector<Argument> training_options() {
+  std::vector<Argument> options = with_color_options({labeled_argument()});
+  options.push_back({.name = "network",
+                     .type = Type::text,
+                     .optional = true,
+                     .help = "learned evidence beside the colors: an ONNX file, such as "
+                             "\"networks/evidence.onnx\""});
+  return options;
+}
+
 /// A model from a file has its training behind it: options of training beside it are refused.
 int color_model(Call& call) {
   const auto file = call.text_option("file");
   if (!file) return train(call);
-  for (const Argument& option : with_color_options({labeled_argument()})) {
+  for (const Argument& option : training_options()) {
     if (option_given(call, option.name))
       throw std::invalid_argument(option.name +
                                   ": is for training; a model from a file has its own");
@@ -114,11 +135,12 @@ void set_quality(ResultTable& table, const vision::Quality& quality) {
 }
 
 /// Two readings of (8.2): weighted, which trackers use, and as it stands (vision/color_model.h).
-void set_thresholds(ResultTable& table, const vision::ColorModel& color) {
-  table.number("low", color.weighted_thresholds().low)
-      .number("high", color.weighted_thresholds().high)
-      .number("flat_low", color.flat_thresholds().low)
-      .number("flat_high", color.flat_thresholds().high);
+void set_thresholds(ResultTable& table, const vision::ObjectModel& model) {
+  const vision::Thresholds& flat = model.color.flat_thresholds();
+  table.number("low", model.thresholds().low)
+      .number("high", model.thresholds().high)
+      .number("flat_low", flat.low)
+      .number("flat_high", flat.high);
 }
 
 /// Full axes; eigenvalues only of the modes that are kept.
@@ -147,10 +169,11 @@ int model_info(Call& call) {
   const vision::ObjectModel& model = model_of(call);
   ResultTable(call)
       .text("channels", vision::name_of(model.color.channels()))
+      .integer("network_bytes", static_cast<std::int64_t>(model.network.size()))
       .integer("width_px", model.image_size.width)
       .integer("height_px", model.image_size.height)
       .table("quality", [&](ResultTable& made) { set_quality(made, model.color.quality()); })
-      .table("thresholds", [&](ResultTable& made) { set_thresholds(made, model.color); })
+      .table("thresholds", [&](ResultTable& made) { set_thresholds(made, model); })
       .table("shape", [&](ResultTable& made) { set_shape(made, model); })
       .table("calibration", [&](ResultTable& made) { set_calibration(made, model.rim); });
   return 1;
@@ -159,6 +182,7 @@ int model_info(Call& call) {
 Returned model_fields() {
   return {"table",
           {{"channels", "", "that it looks at"},
+           {"network_bytes", "", "of its learned evidence; 0: the colors alone"},
            {"width_px", "", "of the images that it is for"},
            {"height_px", "", ""},
            {"quality",
@@ -222,7 +246,7 @@ std::vector<Argument> with_color_options(std::vector<Argument> options) {
 
 std::vector<Binding> vision_model_rows() {
   Argument labeled = labeled_argument();
-  std::vector<Argument> training = with_color_options({labeled});
+  std::vector<Argument> training = training_options();
   training[0].optional = true;
   training[0].help = "to learn from: " + labeled.help;
   training.push_back({.name = "file",

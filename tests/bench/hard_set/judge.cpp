@@ -127,9 +127,7 @@ void Verdict::add(const Verdict& o) {
 }
 
 // One tracker from the first frame to the last, nothing pointed at: it finds the robot by itself.
-Verdict judge(const Scene& scene, const JudgeSettings& settings) {
-  const vision::ObjectModel model =
-      vision::ObjectModel::train(scene.training(), {}, settings.tracker.view);
+Verdict judge(const Scene& scene, const vision::ObjectModel& model, const JudgeSettings& settings) {
   if (scene.variant().twin) return judge_twins(scene, model, settings);
   vision::ColorTracker tracker(model, settings.tracker);
   if (settings.each_frame) {

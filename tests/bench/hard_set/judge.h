@@ -32,6 +32,6 @@ struct JudgeSettings {
   bool each_frame = false;  ///< print one line a frame
 };
 
-Verdict judge(const Scene& scene, const JudgeSettings& settings);
+Verdict judge(const Scene& scene, const vision::ObjectModel& model, const JudgeSettings& settings);
 
 }  // namespace vitreo::hard_set

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 """Peers on the hard set: OpenCV's CSRT, KCF and MOSSE, started from the truth's box in frame 0.
 
-peers.py HARD_SET PHOTOS [VARIANT ...]: HARD_SET is the built program, PHOTOS the folder of photographs; by default a few
-variants. Wants Debian's python3-opencv, which is no part of the build. Judged as hard_set does: lost while 30 % or more is to be
+peers.py HARD_SET PHOTOS [--seeds N] [VARIANT ...]: HARD_SET is the built program, PHOTOS the folder of photographs; seeds 1 to N
+(1); by default a few variants. Wants Debian's python3-opencv, which is no part of the build. Judged as hard_set does: lost while 30 % or more is to be
 seen; wrong where nothing is, or beyond 5 px (a box has no covariance, so sigmas are not asked).
 """
+import argparse
 import csv
 import math
 import subprocess
-import sys
 import tempfile
 import time
 
@@ -51,21 +51,31 @@ def judge(name, frames, rows):
     return lost, wrong, there, off, spent, len(frames) - 1
 
 
+def judge_all(sums, frames, rows):
+    for name in sums:
+        sums[name] = [a + b for a, b in zip(sums[name], judge(name, frames, rows))]
+
+
 def main():
-    program, photos, variants = sys.argv[1], sys.argv[2], sys.argv[3:] or VARIANTS
+    parser = argparse.ArgumentParser()
+    parser.add_argument("program")
+    parser.add_argument("photos")
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("variants", nargs="*", default=VARIANTS)
+    args = parser.parse_args()
     cv2.setNumThreads(1)
-    print(f"{'':34}{'lost':>6}{'wrong':>6}{'px':>8}{'fps':>7}   of {len(GROUNDS)} grounds, 79 frames each")
-    for variant in variants:
+    print(f"{'':34}{'lost':>6}{'wrong':>6}{'px':>8}{'fps':>7}   {args.seeds} seeds, {len(GROUNDS)} grounds, 79 frames each")
+    for variant in args.variants:
         sums = {name: [0] * 6 for name in ("CSRT", "KCF", "MOSSE")}
-        for ground in GROUNDS:
-            with tempfile.TemporaryDirectory() as folder:
-                subprocess.run([program, "--photos", photos, "--variant", variant, "--ground", ground, "--dump", folder],
-                               check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-                with open(f"{folder}/truth.csv", encoding="ascii") as file:
-                    rows = list(csv.DictReader(file))
-                frames = [cv2.imread(f"{folder}/frame_{row['frame']}.png") for row in rows]
-                for name, sum_ in sums.items():
-                    sums[name] = [a + b for a, b in zip(sum_, judge(name, frames, rows))]
+        for seed in range(1, args.seeds + 1):
+            for ground in GROUNDS:
+                with tempfile.TemporaryDirectory() as folder:
+                    subprocess.run([args.program, "--photos", args.photos, "--variant", variant, "--ground", ground,
+                                    "--seeds", f"{seed}-{seed}", "--dump", folder],
+                                   check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+                    with open(f"{folder}/truth.csv", encoding="ascii") as file:
+                        rows = list(csv.DictReader(file))
+                    judge_all(sums, [cv2.imread(f"{folder}/frame_{row['frame']}.png") for row in rows], rows)
         for name, (lost, wrong, there, off, spent, count) in sums.items():
             print(f"{variant:26}{name:8}{lost:6}{wrong:6}{off / max(there, 1):8.2f}{count / max(spent, 1e-9):7.0f}", flush=True)
 

@@ -309,18 +309,20 @@ Shot Scene::shot(int k) const {
   return shot;
 }
 
-// Robot, color and camera of the variant, but none of what makes it hard.
-std::vector<vision::LabeledImage> Scene::training() const {
+// Robot, color and camera of the variant, but none of what makes it hard. Most variants are trained
+// as the plain one is: these share the images of one seed, and so a model.
+std::vector<vision::LabeledImage> training_of(const Ground& ground, const Variant& variant,
+                                              std::uint64_t seed, const cv::Size& view) {
   Variant plain;
-  plain.semi_axes = variant_.semi_axes;
-  plain.tint = variant_.tint;
-  plain.gray = variant_.gray;
-  plain.gray_vessels = variant_.gray_vessels;
-  Scene scene(ground_, plain, seed_, view_);
+  plain.semi_axes = variant.semi_axes;
+  plain.tint = variant.tint;
+  plain.gray = variant.gray;
+  plain.gray_vessels = variant.gray_vessels;
+  const Scene scene(ground, plain, seed, view);
   std::vector<vision::LabeledImage> images;
-  for (int n = 0; n < variant_.training; ++n) {
+  for (int n = 0; n < variant.training; ++n) {
     const Shot one = scene.shot(kTrainingFrom + kTrainingStep * n);
-    cv::Mat mask = cv::Mat::zeros(view_, CV_8UC1);
+    cv::Mat mask = cv::Mat::zeros(view, CV_8UC1);
     cv::ellipse(mask,
                 cv::RotatedRect(cv::Point2f(static_cast<float>(one.truth.center_px.x()),
                                             static_cast<float>(one.truth.center_px.y())),
@@ -331,6 +333,12 @@ std::vector<vision::LabeledImage> Scene::training() const {
     images.push_back({one.image, mask});
   }
   return images;
+}
+
+bool trained_as_plain(const Variant& variant) {
+  const Variant plain;
+  return variant.semi_axes == plain.semi_axes && variant.tint == plain.tint && !variant.gray &&
+         !variant.gray_vessels && variant.training == plain.training;
 }
 
 }  // namespace vitreo::hard_set

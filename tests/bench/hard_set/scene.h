@@ -26,9 +26,6 @@ class Scene {
   /// `ground` must outlive it.
   Scene(const Ground& ground, const Variant& variant, std::uint64_t seed, const cv::Size& view);
   Shot shot(int k) const;
-  /// Images of the plain variant, at other moments of the same way, with the masks a person would
-  /// draw: one undisturbed evening of a lab that works on for a year.
-  std::vector<vision::LabeledImage> training() const;
   const Variant& variant() const { return variant_; }
 
  private:
@@ -49,5 +46,14 @@ class Scene {
   cv::Mat vessels_;  // of the robot's gray
   cv::Mat noise_;
 };
+
+/// Images of the variant's robot and camera with nothing that makes it hard, far from the moments
+/// that are judged, with the masks a person would draw: one undisturbed evening of a lab that works
+/// on for a year. Vessels of the robot's gray are those of the scene with the same seed.
+std::vector<vision::LabeledImage> training_of(const Ground& ground, const Variant& variant,
+                                              std::uint64_t seed, const cv::Size& view);
+
+/// Whether its training images are the plain variant's.
+bool trained_as_plain(const Variant& variant);
 
 }  // namespace vitreo::hard_set
