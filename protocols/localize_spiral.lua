@@ -142,7 +142,7 @@ end
 
 -- What of the errors is the eye's, which one look does not tell: the same ways with exact outlines of a spheroid whose axis is
 -- known; and what the best estimator could leave that knows nothing but table 5.1 and that look.
-local function eyes_part(rig, p, run, book, found, numbers, orientation)
+local function eyes_part(rig, p, run, book, spans, numbers, orientation)
   local axis, spiral, places = axis_of(orientation), spiral_of(p), {}
   local duration = spiral:info().duration
   for i = 0, 30 do
@@ -158,12 +158,12 @@ local function eyes_part(rig, p, run, book, found, numbers, orientation)
   end
   local doubt = orientation == "sphere" and 1e-3 or bring.axis_uncertainty "estimated"
   local bound, of_eye, of_frame = one_look.information(rig, places, axis, doubt)
-  local ours = statistics.median(statistics.map(found, function(span) return span.z.mean end))
+  local ours = statistics.median(statistics.map(spans, function(span) return span.z.mean end))
   run:result("bound_z_robot_" .. orientation, bound, "m")
   run:result("error_over_bound_z_robot_" .. orientation, ours / bound, "")
   for _, row in ipairs {
-    { "information", bound, "bound of the information of table 5.1, the look and a frame: mean error along z" },
-    { "information_eye", of_eye, "of it what is left of the eye" },
+    { "information", bound, "bound of the information of table 5.1, bench, look and frame: mean error along z" },
+    { "information_eye", of_eye, "of it what is left of eye and bench" },
     { "information_frame", of_frame, "of it what a frame's outline and the axis leave" },
   } do
     book:number {
@@ -216,7 +216,7 @@ local function goals(run, book, found, failed, count, orientation)
       at_most = goal,
       reason = "this project's goal",
       why = axis == "z"
-          and "one look puts the image's scale right on the retina, not its change with depth; plates are no ellipsoid"
+          and "one look does not tell which of the eye's numbers makes its magnification what it is"
         or nil,
     }
     book:number {
