@@ -381,6 +381,10 @@ std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const c
   const auto count = static_cast<double>(std::count_if(normals_.begin(), normals_.end(), agree));
   result.inlier_fraction = count / static_cast<double>(normals_.size());
   result.contrast = median_contrast();
+  for (const Normal& n : normals_) {
+    if (n.found)
+      result.contour.push_back({n.rim_px + n.shift_px * n.outward, n.outward, n.variance});
+  }
   return result;
 }
 

@@ -4,6 +4,8 @@
 
 #include <Eigen/Core>
 
+#include <vector>
+
 namespace vitreo::vision {
 
 /// First pixel's center at (0, 0), u right, v down.
@@ -22,6 +24,13 @@ struct Ellipse {
   static Ellipse from_shape(const Eigen::Vector2d& center_px, const Eigen::Matrix2d& shape);
 };
 
+/// A point of the rim in the image, wherever the ellipse runs.
+struct ContourPoint {
+  Eigen::Vector2d point_px{0, 0};
+  Eigen::Vector2d outward{1, 0};  ///< unit: the normal along which it was found
+  double variance = 0;            ///< px^2, along it
+};
+
 struct EllipseMeasurement {
   Ellipse ellipse;
   /// Of Ellipse::vector(); for a circle the angle's is that of a uniform distribution over pi.
@@ -29,6 +38,9 @@ struct EllipseMeasurement {
   /// Of all contour points searched: those found and consistent with the ellipse.
   double inlier_fraction = 0;
   double contrast = 0;  ///< gray levels between ground and object, median over the contour
+  /// In order round the rim, also those that do not agree with the ellipse; a tracker that measures
+  /// no contour leaves it empty.
+  std::vector<ContourPoint> contour{};
 };
 
 }  // namespace vitreo::vision

@@ -23,16 +23,11 @@ constexpr double kModelError_px = 0.1;
 /// known to 20 degrees (tests/host/servo/plates_view_test), and the tracker's own.
 constexpr double kOutlineError_px = 0.15;
 
-constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any eye is long
+/// The same of a contour against the body's own outline: the plates' edges are neither sharp nor
+/// round, which is 0.1 px (docs/localization.md).
+constexpr double kContourError_px = 0.1;
 
-/// m, of each of two crossed elliptical plates with the robot's outline and volume; 0 where its
-/// volume fills the outline. Two elliptical cylinders of pi a b t share a bar of 2 a t^2 along the
-/// axis: the smaller root of V = 2 pi a b t - 2 a t^2.
-double plate_thickness(const control::Robot& robot) {
-  const double flat = 2 * M_PI * robot.semi_axis * robot.semi_radius;
-  const double root = flat * flat - 8 * robot.semi_axis * robot.solid_volume;
-  return root > 0 ? (flat - std::sqrt(root)) / (4 * robot.semi_axis) : 0;
-}
+constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any eye is long
 
 /// The body whose outline the tracker sees.
 optics::ObjectModel body_of(const control::Robot& robot) {
@@ -54,7 +49,7 @@ Eigen::Vector3d level_side(const Eigen::Vector3d& axis) {
 /// Throws std::invalid_argument naming axis_sigma. `tilted_` is set only where the axis is to be
 /// estimated; it needs the answer by the known axis as its start, so both solvers are prepared.
 Localizer::Localizer(const RigModel& model, std::unique_ptr<RobotEye> eye,
-                     const Eigen::Vector3d& axis, double axis_sigma, bool calibrated)
+                     const Eigen::Vector3d& axis, double axis_sigma, ViewCalibration calibrated)
     : model_(model),
       axis_(axis),
       side_(level_side(axis)),
@@ -70,10 +65,15 @@ Localizer::Localizer(const RigModel& model, std::unique_ptr<RobotEye> eye,
   tilted_->image = model_.top_image;
   tilted_->object = body_of(model_.robot);
   tilted_->orientation_sigma = axis_sigma;
+  const auto body = outlined_body(model_.robot);
+  if (!body || model_.plain_view) return;
+  optics::ObjectPoseSettings by_contour = *tilted_;
+  by_contour.object = *body;
+  outline_.emplace(std::move(by_contour), axis_sigma, kContourError_px);
 }
 
 Localizer::Localizer(const RigModel& model, vision::Background background,
-                     const Eigen::Vector3d& axis, double axis_sigma, bool calibrated)
+                     const Eigen::Vector3d& axis, double axis_sigma, ViewCalibration calibrated)
     : Localizer(model, background_eye(model, std::move(background)), axis, axis_sigma, calibrated) {
 }
 
@@ -182,6 +182,18 @@ bool Localizer::lies_level() const {
   return std::abs(axis_.z()) < kLies && roll < kLevel;
 }
 
+/// The body's own outline through the contour's points, with the attitude that is expected: plates
+/// that are seen askew lose of their width what no ellipsoid loses. Nothing where a contour is
+/// missing.
+std::optional<Localizer::Found> Localizer::by_outline(const vision::EllipseMeasurement& seen,
+                                                      const Eigen::Vector3d& start_in_eye) const {
+  if (!outline_) return std::nullopt;
+  const auto pose = outline_->locate(seen, start_in_eye, expected_attitude());
+  if (!pose) return std::nullopt;
+  return Found{pose->position_in_eye, pose->noise,           pose->residual_px,
+               pose->attitude,        pose->axis_covariance, pose->stays};
+}
+
 /// The view from straight above without an eye, a scaled orthographic projection: x and y, and of
 /// the depth nothing but that it is in the eye.
 void Localizer::from_above(Observation& observation) const {
@@ -217,15 +229,22 @@ SystematicDoubt Localizer::systematic_of(const Found& found,
       doubt_->systematic(found.position_in_eye, axis, seen, found.attitude.has_value(),
                          tilted_ ? tilted_->orientation_sigma : 0);
   if (!of_view) return {kEye * kEye * Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero()};
-  return {of_place + of_view->whole, of_view->by_attitude};
+  if (!found.stays) return {of_place + of_view->whole, of_view->by_attitude};
+  // Attitude and outline as the outline's own fit has them; eye and calibration as of the ellipse.
+  return {of_place + of_view->whole - of_view->by_attitude + *found.stays, *found.stays};
 }
 
-/// With an uncertain axis by_axis() gives the start and with_axis() the answer; where the second
-/// fails there is no position.
+/// With an uncertain axis by_axis() gives the start and by_outline() the answer, or with_axis();
+/// where they fail there is no position.
 void Localizer::localize(Observation& observation) {
   if (model_.plain_view) return from_above(observation);
   auto found = by_axis(*observation.ellipse);
-  if (found && tilted_) found = with_axis(*observation.ellipse, found->position_in_eye);
+  if (found && tilted_) {
+    const Eigen::Vector3d start = found->position_in_eye;
+    found = by_outline(*observation.ellipse, start);
+    observation.by_outline = found.has_value();
+    if (!found) found = with_axis(*observation.ellipse, start);
+  }
   // A residual may have a minimum far outside, where no robot can be: of 1e6 m, for one outline cut
   // by the image's edge.
   if (!found || !(found->position_in_eye.norm() < kEye)) {

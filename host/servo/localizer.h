@@ -6,6 +6,7 @@
 #include "devices/time/clock.h"
 #include "host/rig/rig.h"
 #include "host/servo/robot_eye.h"
+#include "host/servo/robot_outline.h"
 #include "host/servo/side_observation.h"
 #include "host/servo/view_doubt.h"
 #include "optics/pose/object_pose.h"
@@ -37,7 +38,8 @@ struct Observation {
   /// Of the axis, along directions across it (singular along it): near level the top camera knows
   /// the azimuth to half a degree and of the pitch little beyond what was expected.
   Eigen::Matrix3d axis_covariance = Eigen::Matrix3d::Zero();
-  double axis_sigma = 0;  // rad: the mean of it over the two directions
+  double axis_sigma = 0;    // rad: the mean of it over the two directions
+  bool by_outline = false;  // of the body itself; else by the ellipse
 };
 
 /// One camera, through the optics of the eye (thesis 5).
@@ -45,13 +47,13 @@ class Localizer {
  public:
   /// `eye`: sees the robot's outline. The others as below.
   Localizer(const RigModel& model, std::unique_ptr<RobotEye> eye, const Eigen::Vector3d& axis,
-            double axis_sigma = 0, bool calibrated = false);
+            double axis_sigma = 0, ViewCalibration calibrated = ViewCalibration::none);
   /// By what differs from a background.
   /// `axis`: unit, world; taken for the robot's own, as the thesis does. With an `axis_sigma` (rad,
   /// above 0) it is only the most probable one, and the orientation is estimated with the position.
-  /// `calibrated`: the model's scale was found by a look at the robot on the retina.
+  /// `calibrated`: what of the model was found by a look at the robot on the retina.
   Localizer(const RigModel& model, vision::Background background, const Eigen::Vector3d& axis,
-            double axis_sigma = 0, bool calibrated = false);
+            double axis_sigma = 0, ViewCalibration calibrated = ViewCalibration::none);
   /// Of a plain view the depth is unknown: 0, with a variance that says so. It wants a second
   /// camera.
   Observation look(const cv::Mat& image);
@@ -64,6 +66,11 @@ class Localizer {
   /// What was seen is not the robot: it is searched anew.
   void forget();
   const RobotEye& eye() const { return *eye_; }
+  /// Whether the robot is localized by its body's outline, where a frame's contour allows it: of a
+  /// shape that shows no ellipse, by an axis that is estimated.
+  bool outlined() const { return outline_.has_value(); }
+  /// From now on by the ellipse: an outline takes longer (docs/localization.md).
+  void use_ellipse() { outline_.reset(); }
 
  private:
   struct Found {
@@ -72,6 +79,7 @@ class Localizer {
     double residual_px;
     std::optional<Eigen::Matrix3d> attitude{};  // body to eye, its third axis the robot's
     Eigen::Matrix3d axis_covariance = Eigen::Matrix3d::Zero();  // eye
+    std::optional<Eigen::Matrix3d> stays{};  // m^2, of an outline: of attitude and outline
   };
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
@@ -81,6 +89,8 @@ class Localizer {
   bool lies_level() const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
                                  const Eigen::Vector3d& start_in_eye) const;
+  std::optional<Found> by_outline(const vision::EllipseMeasurement& seen,
+                                  const Eigen::Vector3d& start_in_eye) const;
 
   RigModel model_;
   Eigen::Vector3d axis_;
@@ -89,6 +99,7 @@ class Localizer {
   optics::PoseSettings pose_;
   std::optional<ViewDoubt> doubt_;                    // none of a plain view
   std::optional<optics::ObjectPoseSettings> tilted_;  // where the axis is to be estimated
+  std::optional<OutlineLocalizer> outline_;           // and the body shows no ellipse
   std::optional<Eigen::Vector3d> last_in_eye_;
   std::optional<Eigen::Matrix3d> last_attitude_;
 };

@@ -24,6 +24,10 @@ constexpr double kLargestResidual_px = 1.5;
 constexpr double kUnexplained = 0.3e-3;
 constexpr double kUnexplainedSwimmer = 1e-3;
 
+/// s, of a camera whose frames leave time for an outline: three times what one takes (10 ms of
+/// processor, docs/localization.md).
+constexpr double kOutlinePeriod = 30e-3;
+
 /// Pictures in a row that the gate refuses before the eye is to search anew.
 constexpr int kRefusals = 3;
 
@@ -74,12 +78,21 @@ void check_cameras(const Rig& rig, const ServoCameras& cameras, const ServoSetti
     check_model_size(cameras.colors.front().model.image_size, rig.top_camera->info());
 }
 
-/// The localizer's model with the calibration on the known retina (thesis 6.2): the image's scale
-/// and where the eye is. Where the robot may go stays as the rig says.
+/// The localizer's model with the calibration on the known retina (thesis 6.2): the image's scale,
+/// where the eye is, or its numbers. Where the robot may go stays as the rig says.
 RigModel corrected(RigModel model, const ViewCorrection& view) {
   model.top_image.pixel *= view.image_scale;
   model.eye_in_world += view.offset;
+  if (!view.eye) return model;
+  model.eye = view.eye->system;
+  model.projection = view.eye->projection;
+  model.exact = view.eye->exact;
   return model;
+}
+
+ViewCalibration calibration_of(const ViewCorrection& view) {
+  if (view.eye) return ViewCalibration::eye;
+  return view.image_scale != 1 ? ViewCalibration::scale : ViewCalibration::none;
 }
 
 }  // namespace
@@ -104,8 +117,9 @@ ObservationSource::ObservationSource(Clock& clock, Rig& rig, Recorder& recorder,
   const auto add = [&](std::unique_ptr<RobotEye> eye, bool wants_ground) {
     eyes_.push_back(
         {std::make_unique<Localizer>(model, std::move(eye), settings.axis,
-                                     settings.axis_uncertainty(), settings.view.image_scale != 1),
+                                     settings.axis_uncertainty(), calibration_of(settings.view)),
          wants_ground});
+    if (period() < kOutlinePeriod) eyes_.back().localizer->use_ellipse();
   };
   if (needs_colors(feedback_)) {
     add(color_eye(cameras.colors), false);
@@ -190,6 +204,7 @@ Observation ObservationSource::look(Eye& eye, const Frame& frame, bool ground_fi
   Observation observation = eye.localizer->look(frame.image);
   observation.position = validator_.finite(observation.position);
   reject_implausible(eye, observation);
+  report_fallback(eye, observation);
   if (eye.wants_ground && !ground_fits) observation.position.reset();
   reject_misplaced(eye, to_seconds(frame.exposed), observation);
   return observation;
@@ -229,6 +244,16 @@ void ObservationSource::reject_implausible(Eye& eye, Observation& observation) {
     recorder_.event(clock_.now(), "degraded",
                     "what is tracked does not look like the robot: it counts as not seen");
   eye.was_implausible = implausible;
+}
+
+/// Frames whose contour does not show the body are located by the ellipse that it is taken for,
+/// with what that costs of the depth; which ones is in the stream (by_outline).
+void ObservationSource::report_fallback(Eye& eye, const Observation& observation) {
+  if (!eye.localizer->outlined() || !observation.position) return;
+  if (!observation.by_outline && !eye.was_by_ellipse)
+    recorder_.event(clock_.now(), "degraded",
+                    "the robot's contour does not show its body: it is located by its ellipse");
+  eye.was_by_ellipse = !observation.by_outline;
 }
 
 /// An eye that has taken something else for the robot follows it on; told so for some pictures, it

@@ -63,7 +63,9 @@ class ObservationSource {
     int refused = 0;           // by the gate, in a row
     bool was_refused = false;  // the event was said
     bool was_implausible = false;
+    bool was_by_ellipse = false;
   };
+  void report_fallback(Eye& eye, const Observation& observation);
   void join(ObservedFrame& found);
   Observation look(Eye& eye, const Frame& frame, bool ground_fits);
   void reject_implausible(Eye& eye, Observation& observation);

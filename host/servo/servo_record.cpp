@@ -135,6 +135,9 @@ const ServoChannel kDrawnChannels[] = {
      [](const ServoTurn& t) { return t.target_px ? t.target_px->x() : std::nan(""); }},
     {{"target_v_px", "px", "image of the target", kTopImage},
      [](const ServoTurn& t) { return t.target_px ? t.target_px->y() : std::nan(""); }},
+    {{"by_outline", "1",
+      "1: located by the outline of the robot's body, 0: by the ellipse that it shows"},
+     [](const ServoTurn& t) { return t.observation.by_outline ? 1.0 : 0.0; }},
 };
 
 /// Names and order of the columns are a part of the record's format; readers and reports look for

@@ -11,6 +11,7 @@
 
 #include <Eigen/Core>
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,10 +39,19 @@ constexpr bool needs_background(Feedback feedback) {
 /// Throws std::invalid_argument with the names there are.
 Feedback feedback_named(const std::string& name);
 
+/// Another eye than the rig file's, with its projection.
+struct CorrectedEye {
+  optics::System system;
+  optics::SingleViewpoint projection;
+  std::optional<optics::ExactProjection> exact{};
+};
+
 /// What a calibration on the known retina (thesis 6.2) changed of the rig's view.
 struct ViewCorrection {
   double image_scale = 1;           // of the aerial image's m per pixel
   Eigen::Vector3d offset{0, 0, 0};  // m, added to the position found
+  /// The most probable one. Shared: settings are copied, and a projection is a large table.
+  std::shared_ptr<const CorrectedEye> eye{};
 };
 
 struct ServoSettings {

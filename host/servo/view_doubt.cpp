@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/view_doubt.h"
 
+#include "optics/chain/eye_look.h"
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -60,18 +62,21 @@ vision::EllipseMeasurement outline_at(const optics::ViewingChain& chain,
 
 }  // namespace
 
-ViewDoubt::ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, bool calibrated)
+ViewDoubt::ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, ViewCalibration calibrated)
     : belief_(optics::prior_belief(chain_of(model), sigmas_of(model))) {
-  if (!calibrated || !(model.uncertainty.pixel > 0)) return;
+  const bool scale = calibrated == ViewCalibration::scale && model.uncertainty.pixel > 0;
+  if (!scale && calibrated != ViewCalibration::eye) return;
   const bool upright = std::abs(axis.z()) > 0.7;
   const double lying = upright ? model.robot.semi_axis : model.robot.semi_radius;
   const optics::RobotPlace place{{0, 0, lying}, axis, model.top_image.center_px};
   const vision::EllipseMeasurement seen = outline_at(belief_.chain, place);
   if (!(seen.ellipse.semi_major_px > 0)) return;
-  const optics::ScaleLook look{
-      place, {seen.ellipse.vector(), seen.covariance, kChangingOutline_px, kTakenAxis}, 0, true};
-  if (auto after = optics::scale_calibrated(belief_, look, optics::PositionFit::thesis))
-    belief_ = std::move(*after);
+  const optics::OutlineSeen outline{seen.ellipse.vector(), seen.covariance, kChangingOutline_px,
+                                    kTakenAxis};
+  auto after = scale ? optics::scale_calibrated(belief_, {place, outline, 0, true},
+                                                optics::PositionFit::thesis)
+                     : optics::eye_calibrated(belief_, {outline, axis, lying});
+  if (after) belief_ = std::move(*after);
 }
 
 std::optional<SystematicDoubt> ViewDoubt::systematic(const Eigen::Vector3d& position_in_eye,

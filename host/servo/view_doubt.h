@@ -22,14 +22,21 @@ struct SystematicDoubt {
   Eigen::Matrix3d by_attitude;  ///< of it, of axis and outline: another where the robot turns
 };
 
+/// What a look at the robot on the retina has put right of the model.
+enum class ViewCalibration {
+  none,
+  scale,  // of its image (thesis 5.4)
+  eye,    // the numbers of its eye, by table 5.1 (optics/chain/eye_look)
+};
+
 /// Of a rig whose eye is known ("known") all but the eye is in it; of one whose eye is known no
 /// better than thesis table 5.1 (keep_out.eye) that table and 0.3 mm of retinal depth too.
 class ViewDoubt {
  public:
-  /// `calibrated`: the model's scale was put right by one look at the robot on the retina
+  /// `calibrated`: the model was put right by one look at the robot on the retina
   /// (scripts/calibration/retina.lua), with its axis along `axis`: what was wrong there is not
   /// wrong there any more, and less elsewhere. Not for a plain view.
-  ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, bool calibrated);
+  ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, ViewCalibration calibrated);
 
   /// At a position that was found from `seen`. `estimated_axis`: the axis was estimated with a
   /// prior of `axis_sigma` (rad), else taken for known (thesis 5.5), though a field turns a robot

@@ -1,6 +1,6 @@
 -- Calibration of the loop's view on the known retina (thesis 6.2: "we can calibrate the algorithm by estimating the
 -- microrobot's position when it lies on the known retinal depth"): one observation of the robot at rest corrects the image's
--- scale.
+-- scale, or says which eye of table 5.1 is the most probable one.
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "session.preparation"
 local statistics = require "analysis.statistics"
@@ -44,10 +44,20 @@ local function by_width(view, robot, seen, place, axis)
   return same
 end
 
+-- px: of a mean of two seconds of frames, and of how far the outline of plates is from the ellipsoid's.
+local look_sigma, contour_sigma = 0.05, 0.1
+
+-- What only the correction "eye" asks for. A robot that stands or lies askew is longer or shorter, which its prior allows for.
+local function of_eye(options)
+  if options.correction ~= "eye" then return {} end
+  return { axis_sigma = options.axis_sigma or 4 * units.deg, contour_sigma = contour_sigma, sigma = look_sigma }
+end
+
 --- Lays the robot on the retina under `above` and returns what view:calibrate says: `localizer` is the view for rig:servo.
 --- `depth_error`: by how much the retina's depth is known wrongly, m (0). `by_width`: for a loop that estimates how the robot
---- lies (axis_uncertainty of rig:servo) and so takes the depth from its width alone. The robot is left where it lies, and `trim`
---- is to be taken back.
+--- lies (axis_uncertainty of rig:servo) and so takes the depth from its width alone. `correction`: what is put right, as
+--- view:calibrate has it; of an eye `axis_sigma` says how well the axis is known (4 degrees). The robot is left where it lies, and
+--- `trim` is to be taken back.
 function retina.calibrate(rig, run, servo, options)
   local model = rig:model()
   local above = options.above or model.eye_in_world + vector(0, 0, 2 * mm)
@@ -68,18 +78,24 @@ function retina.calibrate(rig, run, servo, options)
   local thin = upright and model.robot.half_length or model.robot.radius
   lies.height = retina.resting_height(model.retina_radius, thin, math.min(aside, 0.5 * model.retina_radius))
     + (options.depth_error or 0)
-  if options.by_width then seen = by_width(view, model.robot, seen, vector(x, y, lies.height), axis) end
+  local wanted = of_eye(options)
+  seen.sigma = wanted.sigma
+  if options.by_width and options.correction ~= "eye" then
+    seen = by_width(view, model.robot, seen, vector(x, y, lies.height), axis)
+  end
   local told = view:calibrate {
     body = model.robot,
     ellipse = seen,
     axis = axis,
     known_z = lies.height,
     correction = options.correction,
+    axis_sigma = wanted.axis_sigma,
+    contour_sigma = wanted.contour_sigma,
   }
   run:note(
-    ("calibrated on the retina: image scale %.4f, offset %s, residual %.3f µm"):format(
-      told.image_scale,
-      format_quantity(vector(told.offset):norm(), "m"),
+    ("calibrated on the retina: %s, residual %.3f µm"):format(
+      options.correction == "eye" and "the most probable eye of table 5.1"
+        or ("image scale %.4f, offset %s"):format(told.image_scale, format_quantity(vector(told.offset):norm(), "m")),
       told.residual / um
     )
   )

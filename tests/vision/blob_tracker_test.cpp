@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <random>
 #include <stdexcept>
+#include <vector>
 
 namespace vitreo::vision {
 namespace {
@@ -44,6 +46,35 @@ TEST(BlobTracker, states_about_the_scatter_it_has_on_a_body_at_rest) {
     EXPECT_LT(ratio, 6)
         << k;  // its floors stand for what noise does not show: 0.02 px all round, 0.05 px a normal
   }
+}
+
+// The points are where the rim is, whatever the ellipse makes of them: a median of 0.05 px, the
+// floor of a normal, and none off by more than what its curvature leaves at the sharp ends.
+TEST(BlobTracker, gives_the_points_of_the_rim_that_its_ellipse_was_fitted_to) {
+  Bench bench;
+  BlobTracker tracker(bench.background, settings_for(bench));
+  const Ellipse truth{{300.3, 200.7}, 70, 35, 0.4};
+  const auto found = tracker.update(bench.image(truth, metal()));
+  ASSERT_TRUE(found);
+  ASSERT_GT(found->contour.size(), 55u);  // of 64 normals
+  const Eigen::Matrix2d to_circle = truth.shape().inverse();
+  std::vector<double> off;
+  double turned = 0;
+  Eigen::Vector2d before = found->contour.back().point_px - truth.center_px;
+  for (const ContourPoint& point : found->contour) {
+    const Eigen::Vector2d from = point.point_px - truth.center_px;
+    const Eigen::Vector2d gradient = to_circle * to_circle * from;
+    const double radius = (to_circle * from).norm();
+    off.push_back(std::abs(radius - 1) * radius / gradient.norm());  // px, first order
+    EXPECT_GT(point.outward.dot(gradient.normalized()), 0.99);
+    EXPECT_GT(point.variance, 0);
+    turned += std::atan2(before.x() * from.y() - before.y() * from.x(), before.dot(from));
+    before = from;
+  }
+  EXPECT_NEAR(std::abs(turned), 2 * std::numbers::pi, 1e-9) << "in order, once round";
+  std::sort(off.begin(), off.end());
+  EXPECT_LT(off[off.size() / 2], 0.1);
+  EXPECT_LT(off.back(), 0.6);
 }
 
 TEST(BlobTracker, never_absorbs_a_body_that_holds_still) {

@@ -6,6 +6,7 @@
 #include "host/lua/optics/classes.h"
 #include "host/lua/optics/localizer_calls.h"
 #include "optics/calibration/camera_calibration.h"
+#include "optics/chain/eye_look.h"
 
 #include <stdexcept>
 #include <string>
@@ -163,8 +164,53 @@ int info(Call& call) {
   return 1;
 }
 
-/// One ellipse of a spheroid whose height is known: on the retina. A localizer that was calibrated
-/// before adds its offset to what it finds, so its own projection has to find the height less that.
+/// The thesis' two corrections: of the image's scale, or of the depth. A localizer that was
+/// calibrated before adds its offset to what it finds, so its own projection has to find the height
+/// less that.
+optics::PoseCalibration by_thesis(const Localizer& before, const optics::PoseSettings& settings,
+                                  const OptionTable& how, const SeenEllipse& seen) {
+  for (const char* name : {"axis_sigma", "contour_sigma"})
+    if (how.number(name))
+      throw std::invalid_argument(std::string(name) + ": goes with the correction eye alone");
+  return optics::calibrate_pose(
+      settings, seen.ellipse, *how.vector("axis"), *how.number("known_z") - before.offset.z(),
+      how.text("correction") == "additive_offset" ? optics::PoseCorrection::additive_offset
+                                                  : optics::PoseCorrection::image_scale,
+      {seen.covariance, how.number("known_z_sigma").value_or(0)});
+}
+
+/// The most probable eye, with its projections as far as those of before went. Returns the residual
+/// along z at the known height, m: what the prior kept.
+double take_eye(Localizer& view, const optics::PoseSettings& settings, const OptionTable& how,
+                const SeenEllipse& seen) {
+  constexpr double kRough = 0.01e-3;    // m, of a retina
+  constexpr double kUsualAxis = 0.035;  // rad, as viewing_chain has it
+  const optics::NominalChain nominal{view.eye, view.microscope, settings.image, settings.robot};
+  const optics::EyeLook look{
+      {seen.ellipse, seen.covariance, how.number("contour_sigma").value_or(0),
+       how.number("axis_sigma").value_or(kUsualAxis)},
+      how.vector("axis")->normalized(),
+      *how.number("known_z") - view.offset.z(),
+      how.number("known_z_sigma").value_or(kRough)};
+  view.eye = optics::most_probable_eye(nominal, look);
+  view.eye_calibrated = true;
+  const optics::System& system = view.eye.system;
+  if (view.settings.exact)
+    view.settings.exact.emplace(system, view.microscope, view.settings.exact->max_m());
+  if (view.settings.projection.max_m > 0)
+    view.settings.projection =
+        optics::fit_single_viewpoint(system, view.microscope, view.settings.projection.max_m);
+  optics::PoseSettings now = settings;
+  now.projection = view.settings.projection;
+  now.exact = view.settings.exact;
+  const auto start = optics::first_guess(now, seen.ellipse, look.axis);
+  const auto found =
+      start ? optics::locate(now, seen.ellipse, seen.covariance, look.axis, *start) : std::nullopt;
+  if (!found) throw std::invalid_argument("ellipse: not explained by any eye of table 5.1");
+  return found->position_in_eye.z() - look.known_z;
+}
+
+/// One ellipse of a spheroid whose height is known: on the retina.
 int calibrate(Call& call) {
   const Localizer before = localizer_of(call);
   const optics::ObjectModel body = body_option(call);
@@ -178,20 +224,22 @@ int calibrate(Call& call) {
   settings.robot = {body.semi_axes.z(), body.semi_axes.x()};
   const std::string correction = how.text("correction").value_or("image_scale");
   const SeenEllipse seen = ellipse_option(call);
-  const auto made = optics::calibrate_pose(
-      settings, seen.ellipse, *how.vector("axis"), *how.number("known_z") - before.offset.z(),
-      correction == "image_scale" ? optics::PoseCorrection::image_scale
-                                  : optics::PoseCorrection::additive_offset,
-      {seen.covariance, how.number("known_z_sigma").value_or(0)});
   auto after = std::make_shared<Localizer>(before);
+  optics::PoseCalibration made;
+  if (correction == "eye")
+    made.residual = take_eye(*after, settings, how, seen);
+  else
+    made = by_thesis(before, settings, how, seen);
   after->settings.image.pixel *= made.image_scale;
   after->offset += made.offset;
   ResultTable table(call);
   push_handle(call.L, localizer_class(), after);
-  table.top("localizer")
+  table.top("localizer");
+  push_system(call.L, after->eye);
+  table.top("eye")
       .number("image_scale", made.image_scale)
       .number("image_scale_sigma", correction == "image_scale" ? made.sigma : 0)
-      .number("offset_sigma", correction == "image_scale" ? 0 : made.sigma, "m")
+      .number("offset_sigma", correction == "additive_offset" ? made.sigma : 0, "m")
       .number("residual", made.residual, "m")
       .vector("offset", made.offset, "m");
   return 1;
@@ -212,11 +260,14 @@ int make_localizer(Call& call) {
     image.center_px = {center[0], center[1]};
   }
   lua_pop(call.L, 1);
-  const optics::System system = eye_of(call).system;
+  const optics::Prescription eye = eye_of(call);
   return calculate(
       call, "projection",
       [=](const YieldPoint&) {
+        const optics::System& system = eye.system;
         Localizer made;
+        made.eye = eye;
+        made.microscope = microscope;
         made.settings.image = image;
         if (single) {
           made.settings.projection = optics::fit_single_viewpoint(system, microscope, max_m);
@@ -351,28 +402,33 @@ Binding locate_row() {
 }
 
 Binding calibrate_row() {
-  return {"calibrate",
-          {options_of({body_argument(),
-                       ellipse_argument(false),
-                       {.name = "axis", .type = Type::direction, .help = "the body's z"},
-                       number_of("known_z", "m", false,
-                                 "height of its center over the retina's vertex", -1, 1),
-                       number_of("known_z_sigma", "m", true, "of that (0)", 0, 0.01),
-                       {.name = "correction",
-                        .type = Type::text,
-                        .optional = true,
-                        .help = "what is put right (image_scale)",
-                        .choices = {"image_scale", "additive_offset"}}})},
-          {"table",
-           {{"localizer", "", "the corrected one"},
-            {"image_scale", "", "factor of the pixel"},
-            {"image_scale_sigma", "", "by the ellipse's noise and known_z_sigma"},
-            {"offset_sigma", "m", "the same of the offset, along z"},
-            {"offset", "m", "added to positions"},
-            {"residual", "m", "left along z at the known height"}}},
-          "calibrates by one ellipse of a spheroid on the known retina",
-          calibrate,
-          "view:calibrate { body = robot, ellipse = seen, axis = { 1, 0, 0 }, known_z = 2 * mm }"};
+  return {
+      "calibrate",
+      {options_of(
+          {body_argument(),
+           ellipse_argument(false),
+           {.name = "axis", .type = Type::direction, .help = "the body's z"},
+           number_of("known_z", "m", false, "height of its center over the retina's vertex", -1, 1),
+           number_of("known_z_sigma", "m", true, "of that (0; 10 µm of an eye)", 0, 0.01),
+           number_of("axis_sigma", "rad", true, "across it, of an eye (0.035)", 1e-6, 1),
+           number_of("contour_sigma", "", true, "px, of each semi-axis, of an eye (0)", 0, 10),
+           {.name = "correction",
+            .type = Type::text,
+            .optional = true,
+            .help = "what is put right (image_scale); eye: the most probable one of "
+                    "table 5.1",
+            .choices = {"image_scale", "additive_offset", "eye"}}})},
+      {"table",
+       {{"localizer", "", "the corrected one"},
+        {"eye", "", "the optical_system that it sees through"},
+        {"image_scale", "", "factor of the pixel"},
+        {"image_scale_sigma", "", "by the ellipse's noise and known_z_sigma"},
+        {"offset_sigma", "m", "the same of the offset, along z"},
+        {"offset", "m", "added to positions"},
+        {"residual", "m", "left along z at the known height"}}},
+      "calibrates by one ellipse of a spheroid on the known retina",
+      calibrate,
+      "view:calibrate { body = robot, ellipse = seen, axis = { 1, 0, 0 }, known_z = 2 * mm }"};
 }
 
 }  // namespace

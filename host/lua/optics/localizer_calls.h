@@ -4,12 +4,16 @@
 
 #include "host/lua/optics/bind_optics.h"
 #include "optics/pose/object_pose.h"
+#include "optics/system/prescriptions.h"
 
 namespace vitreo::lua::localizer_calls {
 
 struct Localizer {
   optics::ObjectPoseSettings settings;
   Eigen::Vector3d offset{0, 0, 0};  // m, of a calibration, added to what is found
+  optics::Prescription eye{};       // that the projection was made of
+  optics::Microscope microscope{};
+  bool eye_calibrated = false;  // `eye` is the most probable one by a look
 };
 
 struct SeenEllipse {

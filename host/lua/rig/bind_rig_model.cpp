@@ -28,6 +28,8 @@ int rig_view(Call& call) {
   view->settings.projection = model.projection;
   view->settings.exact = model.exact;
   view->settings.image = model.top_image;
+  view->eye = optics::prescription(model.eye_name);
+  view->microscope = model.microscope;
   push_handle(call.L, localizer_class(), view);
   return 1;
 }

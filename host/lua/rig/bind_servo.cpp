@@ -450,7 +450,7 @@ std::set<std::string> sources_of(Feedback feedback) {
 }  // namespace
 
 // Cameras, settings, view: each may throw, and only then the loop is started. A calibrated view is
-// handed on as what it changes of the rig's own: the scale of its image and its offset.
+// handed on as what it changes of the rig's own: the scale of its image and its offset, or its eye.
 int open_servo(Call& call) {
   Session& session = session_of(call.L);
   ServoCameras eyes{{}, session.side_observations(), {}};
@@ -462,6 +462,9 @@ int open_servo(Call& call) {
   if (call.push_option("view")) {
     const auto& view = call.handle_option<localizer_calls::Localizer>("view");
     settings.view = {view.settings.image.pixel / session.rig.model.top_image.pixel, view.offset};
+    if (view.eye_calibrated)
+      settings.view.eye = std::make_shared<CorrectedEye>(
+          CorrectedEye{view.eye.system, view.settings.projection, view.settings.exact});
   }
   lua_pop(call.L, 1);
   const std::set<std::string> sources = sources_of(settings.feedback);

@@ -109,6 +109,31 @@ TEST_F(OpticsLocalizer, OneLookAtTheKnownRetinaMendsTheImageScale) {
       {"localizer:calibrate: observed"});
 }
 
+TEST_F(OpticsLocalizer, OneLookSaysWhichEyeIsTheMostProbable) {
+  expect_fine(
+      "local other = eye:sample { number = 4 } local axis = { 1, 0, 0 }\n"
+      "local real = other:localizer { center = { 691.5, 517.5 } }\n"
+      "local function shown(at) local seen = real:ellipse({ body = robot, position = at, axis = "
+      "axis "
+      "}) seen.sigma = 0.05 return seen end\n"
+      "local low = vector(0, 0, 0.5*mm)\n"
+      "local told = view:calibrate({ body = robot, ellipse = shown(low), axis = axis, known_z = "
+      "low.z, correction = 'eye', axis_sigma = 1*deg, contour_sigma = 0.05 })\n"
+      "near(told.image_scale, 1, 0) near(told.offset:norm(), 0, 0) near(told.residual, 0, 60*um)\n"
+      "assert(told.eye:info().parameters['lens.index'] ~= eye:info().parameters['lens.index'])\n"
+      "local scaled = view:calibrate({ body = robot, ellipse = shown(low), axis = axis, known_z = "
+      "low.z }).localizer\n"
+      "local high = vector(1*mm, 0, 6*mm)\n"
+      "local function off(one) return math.abs(one:locate({ body = robot, ellipse = shown(high), "
+      "axis = axis }).position.z - high.z) end\n"
+      "assert(off(told.localizer) < off(view)) assert(off(told.localizer) < off(scaled))");
+  expect_refused(
+      "view:calibrate({ body = robot, ellipse = view:ellipse({ body = robot, position = { 0, 0, "
+      "1*mm "
+      "}, axis = { 1, 0, 0 } }), axis = { 1, 0, 0 }, known_z = 1*mm, axis_sigma = 0.1 })",
+      {"axis_sigma: goes with the correction eye alone"});
+}
+
 TEST_F(OpticsLocalizer, APlatesOutlineShowsWhereItIs) {
   expect_fine(
       "local plates = { shape = 'crossed_plates', half_length = 1*mm, radius = 0.5*mm, thickness = "

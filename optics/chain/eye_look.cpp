@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/chain/eye_look.h"
+
+#include "optics/chain/chain_estimator.h"
+#include "optics/numerics/preconditions.h"
+
+#include <Eigen/Cholesky>
+
+#include <limits>
+
+namespace vitreo::optics {
+namespace {
+
+ChainLook chain_look(const EyeLook& look) {
+  detail::require_positive(look.known_z_sigma, "known_z_sigma");
+  ChainLook one;
+  one.seen = look.seen;
+  one.axis = look.axis;
+  return one;
+}
+
+}  // namespace
+
+/// No part of the bench can turn, so that there are no twins to be started from.
+Prescription most_probable_eye(const NominalChain& nominal, const EyeLook& look) {
+  constexpr double kUnknown = std::numeric_limits<double>::infinity();
+  ChainLook at_height = chain_look(look);
+  at_height.known = {0, 0, look.known_z};
+  at_height.known_sigma = {kUnknown, kUnknown, look.known_z_sigma};
+  ChainSigmas sigmas = ChainSigmas::none();
+  sigmas.eye = applicable(table_5_1(), nominal.prescription);
+  ChainSession session;
+  session.looks.push_back(at_height);
+  ChainEstimatorSettings once;
+  once.starts = 1;
+  const ChainEstimate made = estimate_chain(nominal, sigmas, session, once);
+  Prescription eye = nominal.prescription;
+  const ViewingChain& chain = made.belief.chain;
+  for (const Uncertainty& one : sigmas.eye)
+    eye = perturbed(eye, one, chain.theta()[index_of(chain.parameters(), one.parameter)]);
+  return eye;
+}
+
+/// Information is additive: C = (C_prior^-1 + H)^-1.
+std::optional<ChainBelief> eye_calibrated(const ChainBelief& prior, const EyeLook& look) {
+  ChainLook lying = chain_look(look);
+  lying.contact_sigma = look.known_z_sigma;
+  lying.lying_height = look.known_z;
+  const auto block = block_of(prior.chain, lying, {0, 0, look.known_z}, {0, 0}, true);
+  if (!block) return std::nullopt;
+  ChainBelief after = prior;
+  const Eigen::MatrixXd one =
+      Eigen::MatrixXd::Identity(prior.covariance.rows(), prior.covariance.cols());
+  after.covariance =
+      (prior.covariance.ldlt().solve(one) + information_of(*block)).ldlt().solve(one);
+  return after;
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,30 @@
+// Most probable eye by one look at the robot at a known height: thesis 5.4's calibration on the
+// retina, of the eye's own numbers in place of the image's scale.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "optics/chain/chain_session.h"
+
+namespace vitreo::optics {
+
+/// The robot where its height is known, as it lies on the retina.
+struct EyeLook {
+  OutlineSeen seen;                // its axis_sigma must be above 0
+  Eigen::Vector3d axis;            // believed, unit, eye frame
+  double known_z = 0;              // m, of its center over the retina's vertex
+  double known_z_sigma = 0.01e-3;  // m, above 0; by default what a retina is rough
+};
+
+/// The eye whose numbers are the most probable by table 5.1 and the look; microscope, image and
+/// robot count as known. A scale that is put right at one height is wrong at all others by as much
+/// as the chief rays' meeting point is off; which of the eye's numbers makes a magnification what
+/// it is, the prior tells in part. Throws std::invalid_argument naming a bad argument, or where no
+/// eye explains the look.
+Prescription most_probable_eye(const NominalChain& nominal, const EyeLook& look);
+
+/// The belief after such a look in the middle of the retina, about a chain whose eye was made by
+/// it: all parameters of the chain are as well known as prior and look make them, and the height is
+/// the believed retina's. Nothing where the look is not shown.
+std::optional<ChainBelief> eye_calibrated(const ChainBelief& prior, const EyeLook& look);
+
+}  // namespace vitreo::optics
