@@ -120,7 +120,10 @@ TEST(Servo, AnAxisThatIsNotQuiteTheCommandedOneIsNotTakenForADepth) {
   for (const char* drawn_as : {"plates", "ellipsoid"}) {
     const double taken = depth_error(drawn_as, 0), estimated = depth_error(drawn_as, 0.07);
     EXPECT_GT(taken, 25e-6) << drawn_as;
-    EXPECT_LT(estimated, 0.5 * taken) << drawn_as;
+    // Of plates 55 of 95 um: their drawn rim is 0.15 px inside of the body's, which without a look
+    // on the retina is half a percent of scale (docs/figures.md). An ellipsoid has no such error.
+    const double part = drawn_as == std::string("plates") ? 0.65 : 0.5;
+    EXPECT_LT(estimated, part * taken) << drawn_as;
   }
 }
 
