@@ -65,8 +65,11 @@ Localizer::Localizer(const RigModel& model, std::unique_ptr<RobotEye> eye,
   tilted_->image = model_.top_image;
   tilted_->object = body_of(model_.robot);
   tilted_->orientation_sigma = axis_sigma;
+  // Cylinders and discs have outlines too, which no loop has been judged by: the renderer draws
+  // them as spheroids.
+  if (model_.robot.shape != control::BodyShape::crossed_plates || model_.plain_view) return;
   const auto body = outlined_body(model_.robot);
-  if (!body || model_.plain_view) return;
+  if (!body) return;
   optics::ObjectPoseSettings by_contour = *tilted_;
   by_contour.object = *body;
   outline_.emplace(std::move(by_contour), axis_sigma, kContourError_px);
