@@ -24,6 +24,8 @@ constexpr double kVerticalShare = 0.7;
 // coils than rows, and picks the least currents among those that make the same wrench.
 constexpr double kRegularization = 1e-9;
 
+constexpr double kLargestWeight = 1e9;
+
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, kMaxCoils>;
 using Wanted = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 6, 1>;
 
@@ -50,9 +52,10 @@ void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const Field
   require(wanted.levitation.allFinite(), "wanted.levitation: not finite");
   require(wanted.force.allFinite(), "wanted.force: not finite");
   require(limits.size() == matrix.cols() && limits.size() > 0, "limits: one a coil is needed");
-  require(limits.allFinite() && limits.minCoeff() >= 0 && limits.maxCoeff() > 0,
-          "limits: must be at least 0 A");
+  require(limits.allFinite() && limits.minCoeff() >= 0, "limits: must be at least 0 A");
   require(weights.field > 0 && weights.force > 0, "weights: must be above 0");
+  // Their squares stand beside each other in one matrix.
+  require(std::max(weights.field, weights.force) <= kLargestWeight, "weights: must be at most 1e9");
   if (!(moment.norm() > 0))
     throw std::domain_error("the robot has no moment: no force can be made");
 }
@@ -104,6 +107,8 @@ bool least_norm(const Task& task, const CurrentLimits& limits, Currents& current
   const Eigen::Index rows = task.rows.rows();
   Eigen::Matrix<double, 6, 6> gram = Eigen::Matrix<double, 6, 6>::Identity();
   gram.topLeftCorner(rows, rows).setZero();
+  // Counted: of fewer coils than rows a pivot that is rounding alone may look like one that is not.
+  if ((limits.array() > 0).count() < rows) return false;
   for (Eigen::Index k = 0; k < task.rows.cols(); ++k) {
     if (limits[k] == 0) continue;
     Eigen::Matrix<double, 6, 1> column = Eigen::Matrix<double, 6, 1>::Zero();

@@ -22,8 +22,8 @@ struct BoxAllocation {
   Eigen::Vector3d field{0, 0, 0};  // T, that these make
   Eigen::Vector3d force{0, 0, 0};  // N, with the moment given
   double headroom = 1;             // 1 - the largest |I| / limit over the working coils
-  int iterations = 0;              // of the program; 0 when no limit was met
-  bool limited = false;            // a limit cost something of what was wanted
+  int iterations = 0;              // of the program; 0 when no limit was met, at full rank
+  bool limited = false;            // a limit, or a lost rank, cost something of what was wanted
   bool vertical_cut = false;       // even of the vertical force above the levitation
 };
 
@@ -32,8 +32,8 @@ struct BoxAllocation {
 /// all is the part above the levitation cut to that. Without a limit in the way: the least-norm
 /// solution, as allocate. No heap; at most 48 iterations, and each keeps to the limits and holds
 /// the vertical force, so that the bound costs only optimality. Throws as allocate;
-/// std::domain_error when the levitation alone is out of reach. Rank may be short: what can be had
-/// is made.
+/// std::domain_error when the levitation is out of reach and no wanted force against it brings the
+/// sum back. Rank may be short: what can be had is made.
 BoxAllocation allocate_within(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
                               const FieldAndForce& wanted, const CurrentLimits& limits,
                               const AllocationWeights& weights = {});

@@ -22,10 +22,11 @@ struct EstimatorSettings {
   // Relative: standard deviation, before anything was measured, of the true gain (moment over drag)
   // against the believed one. 0: it is known.
   double gain_sigma = 0;
-  double gain_walk = 4e-3;    // per sqrt(s)
-  double delay_sigma = 0;     // s, the same of the delay; 0: it is known
-  double delay_walk = 5e-4;   // s per sqrt(s)
-  double max_age = 1;         // s without a measurement after which nothing is known
+  double gain_walk = 4e-3;   // per sqrt(s)
+  double delay_sigma = 0;    // s, the same of the delay; 0: it is known
+  double delay_walk = 5e-4;  // s per sqrt(s)
+  // s without a measurement after which nothing is told; the disturbance is kept for the next one
+  double max_age = 1;
   double gate_error = 20e-6;  // m: of the model, added to what the gate allows
   // standard deviations beyond which a measurement is rejected; 0: never. Wide: at a corner a wrong
   // model makes innovations of many
@@ -85,14 +86,15 @@ class PositionEstimator {
   /// before the first measurement, and when the last is older than max_age. Throws
   /// std::invalid_argument for a time before the last measurement.
   std::optional<PositionEstimate> at(double time) const;
-  /// Of the last measurement that was used; nothing where it was one to start from, the first or
-  /// one after outliers.
+  /// Of the last measurement, a rejected one too; nothing where it was one to start from, the first
+  /// or one after outliers.
   const std::optional<Innovation>& innovation() const { return innovation_; }
   /// Of the last update: by what m, and m/s, an innovation of 1 m changed position and velocity
   /// (disturbance and gain together); 1 and 1/s.
   const Eigen::Matrix3d& position_gain() const { return position_gain_; }
   const Eigen::Matrix3d& velocity_gain() const { return velocity_gain_; }
-  /// Gain or delay met its bound at the last update: as uncertain again as at the start.
+  /// Gain or delay met its bound at the last update: it is put there, with a fifth of the first
+  /// standard deviation.
   bool at_bound() const { return at_bound_; }
   void reset();
 

@@ -40,7 +40,8 @@ class MultipoleField {
   MultipoleField(std::vector<Sources> coils, Sources background, const Region& region);
   int coils() const { return static_cast<int>(coils_.size()); }
   /// Analytic. Throws std::domain_error outside the region, naming position and region;
-  /// std::invalid_argument where the position is not finite or is a source's own.
+  /// std::invalid_argument where the position is not finite or that of a source with irregular
+  /// terms.
   FieldMatrix matrix(const Eigen::Vector3d& position_in_world) const;
   /// The field at zero current: T and T/m.
   FieldGradient background(const Eigen::Vector3d& position_in_world) const;

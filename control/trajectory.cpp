@@ -56,6 +56,18 @@ Trajectory Trajectory::rectangle(const Eigen::Vector3d& corner, const Eigen::Vec
   return waypoints({corner, corner + side, corner + side + up, corner + up, corner}, limits);
 }
 
+namespace {
+
+// More turns than that are not what the samples of a curve show: a turn has 64 of them.
+constexpr double kMostTurns = 64;
+
+void check_turns(double turns) {
+  require(std::isfinite(turns) && turns > 0, "turns: must be above 0");
+  require(turns <= kMostTurns, "turns: must be at most 64");
+}
+
+}  // namespace
+
 // From center + first; towards `second` first, so the sense of turning is that of the two vectors.
 Trajectory Trajectory::circle(const Eigen::Vector3d& center, const Eigen::Vector3d& first,
                               const Eigen::Vector3d& second, double turns,
@@ -66,7 +78,7 @@ Trajectory Trajectory::circle(const Eigen::Vector3d& center, const Eigen::Vector
           "second: must be as long as first");
   require(std::abs(first.dot(second)) < 1e-6 * first.squaredNorm(),
           "second: must be at a right angle to first");
-  require(std::isfinite(turns) && turns > 0, "turns: must be above 0");
+  check_turns(turns);
   return curve(
       [&](double t) {
         const double angle = 2 * std::numbers::pi * turns * t;
@@ -83,7 +95,7 @@ Trajectory Trajectory::spiral(const Spiral& shape, const MotionLimits& limits) {
           "first_radius: must be above 0 m");
   require(std::isfinite(shape.last_radius) && shape.last_radius > 0,
           "last_radius: must be above 0 m");
-  require(std::isfinite(shape.turns) && shape.turns > 0, "turns: must be above 0");
+  check_turns(shape.turns);
   return curve(
       [&](double t) {
         const double angle = 2 * std::numbers::pi * shape.turns * t;

@@ -70,11 +70,11 @@ local function folded(x, sigma)
 end
 
 --- Bound of the information: the mean error along z over `places` (world, m) that half of all eyes are below, of the best
---- estimator that knows table 5.1 and how well the simulated bench is known (pixel 0.5 %, robot 1 %, tilt 3.5 mrad, place of the eye
---- 50 µm), one look at the robot on the retina, whose height is known to 10 µm, and in each frame an ellipse to 0.02 px of a robot
---- whose axis is known to `axis_sigma` (rad) beforehand. By the inverse of the information of prior, look and frame (docs/chain.md).
---- What eye and bench do is common to all places, the noise is new at each. Returns it, and of it the eye's and bench's and the
---- frame's part alone, m.
+--- estimator that knows table 5.1 and how well the simulated bench is known (pixel 0.5 %, robot 1 %, tilt 3.5 mrad, eye's place
+--- 50 µm), one look at the robot on the retina, whose height is known to 10 µm, and in each frame an ellipse to 0.02 px, of a
+--- robot whose axis is known to `axis_sigma` (rad) beforehand. By the inverse of the information of prior, look and frame
+--- (docs/chain.md). What eye and bench do is common to all places, the noise is new at each. Returns it, and of it the eye's
+--- and bench's and the frame's part alone, m.
 function one_look.information(rig, places, axis, axis_sigma)
   local model, uncertain = rig:model(), {}
   for _, name in ipairs {

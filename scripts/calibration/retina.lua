@@ -56,8 +56,8 @@ end
 --- Lays the robot on the retina under `above` and returns what view:calibrate says: `localizer` is the view for rig:servo.
 --- `depth_error`: by how much the retina's depth is known wrongly, m (0). `by_width`: for a loop that estimates how the robot
 --- lies (axis_uncertainty of rig:servo) and so takes the depth from its width alone. `correction`: what is put right, as
---- view:calibrate has it; of an eye `axis_sigma` says how well the axis is known (4 degrees). The robot is left where it lies, and
---- `trim` is to be taken back.
+--- view:calibrate has it; of an eye `axis_sigma` says how well the axis is known (4 degrees). The robot is left where it lies,
+--- and `trim` is to be taken back.
 function retina.calibrate(rig, run, servo, options)
   local model = rig:model()
   local above = options.above or model.eye_in_world + vector(0, 0, 2 * mm)

@@ -192,8 +192,6 @@ TEST(AllocateWithin, names_what_is_wrong) {
   EXPECT_THROW(
       allocate_within(draw.matrix, draw.moment, draw.wanted, CurrentLimits::Constant(7, 1)),
       std::invalid_argument);
-  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(0)),
-               std::invalid_argument);
   EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(-1)),
                std::invalid_argument);
   EXPECT_THROW(allocate_within(draw.matrix, {0, 0, 0}, draw.wanted, limits_of(1)),
