@@ -46,7 +46,7 @@ NUMERIC = {
     'vision/level_set.cpp': (0.9, 'vision_tests', 45, 'LevelSet*:CycleThree*', 'ShapeModel*:ColorTracker.*'),
     'vision/ellipse_fit.cpp': (0.9, 'vision_tests', 45, 'FitEllipse*:Ellipse*', 'MaskOutline*:BlobTracker.*'),
     'vision/focus_peak.cpp': (0.9, 'vision_tests', 45, 'FocusPeak*', 'Autofocus*:FocusMeasure*'),
-    'control/box_allocation.cpp': (0.95, 'control_tests', 45, 'AllocateWithin*:BoxProgram*:AllocateFive*:Condition*'),
+    'control/box_allocation.cpp': (0.95, 'control_tests', 45, 'AllocateWithin*:Box*:AllocateFive*:Condition*:AllocationR*'),
     'control/estimator.cpp': (0.95, 'control_tests', 45, 'PositionEstimator*:CommandHistory*', 'ServoLaw*:Loop*'),
     'control/trajectory.cpp': (0.9, 'control_tests', 45, 'Trajectory*', 'Velocity*:Robots*'),
     'control/multipole_field.cpp': (0.9, 'control_tests', 45, 'MultipoleField*:FieldModel*', 'FitMultipoles*:Field*'),
