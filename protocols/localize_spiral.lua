@@ -44,18 +44,13 @@ local function one_spiral(rig, run, p, orientation)
     bring.insert(rig, servo, center)
     bring.trim(servo, center, { rounds = 1, within = 1 * mm })
     -- Upright it shows its round end, which a pitch makes longer and not wider.
-    view = retina.calibrate(
-      rig,
-      run,
-      servo,
-      {
-        axis = axis,
-        axis_sigma = math.max(doubt, bring.axis_uncertainty "estimated"),
-        depth_error = p.retina_error,
-        correction = p.correction,
-        by_width = doubt > 0 and orientation == "z",
-      }
-    ).localizer
+    view = retina.calibrate(rig, run, servo, {
+      axis = axis,
+      axis_sigma = math.max(doubt, bring.axis_uncertainty "estimated"),
+      depth_error = p.retina_error,
+      correction = p.correction,
+      by_width = doubt > 0 and orientation == "z",
+    }).localizer
     rig.sample:remove_robot()
   end
   run:wait(0.2 * s) -- the next loop's currents must not follow these at once
@@ -215,9 +210,7 @@ local function goals(run, book, found, failed, count, orientation)
       unit = "m",
       at_most = goal,
       reason = "this project's goal",
-      why = axis == "z"
-          and "one look does not tell which of the eye's numbers makes its magnification what it is"
-        or nil,
+      why = axis == "z" and "one look does not tell which of the eye's numbers makes its magnification what it is" or nil,
     }
     book:number {
       id = ("5.5.goal.%s.%s_90"):format(orientation, axis),
