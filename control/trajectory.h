@@ -24,7 +24,7 @@ struct Spiral {
   double height = 6e-3;                 // m
   double first_radius = 0.5e-3;         // m, at the bottom
   double last_radius = 3.5e-3;          // m, at the top
-  double turns = 4;
+  double turns = 4;                     // at most 64
 };
 
 /// Starts and ends at rest, in the least time its limits allow along the path (straight parts stop

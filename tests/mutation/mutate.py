@@ -4,10 +4,10 @@ numeric code and of the record: make mutate-numeric.
 
     mutate.py BUILD/tests/mutation [--numeric] [--all] [--jobs N] [--file PART]
 
-Without --all so many of each file are drawn, always the same ones; what has no meaning (a product of
-matrices as a quotient) is none. A mutant is killed by a test that
-fails, crashes, computes four times as long as all do without, or stands still for as long. Ends with
-1 below the goal.
+Without --all so many of each file are drawn, always the same ones; what has no meaning (a product
+of matrices as a quotient) is none. A mutant is killed by a test that fails, crashes, computes four
+times as long as its part of the tests does without, or stands still for as long. Ends with 1 where
+a file is below its goal.
 SPDX-License-Identifier: Apache-2.0
 """
 import argparse
