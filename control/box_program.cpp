@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace vitreo::control {
 namespace {
@@ -34,13 +35,15 @@ class FreeStep {
       square += across_[i] * across_[i];
     }
     // Where no free unknown moves the level, a_F = 0 and the equality holds whatever p is.
-    plane_force_ = square > 0 ? mixed / square : 0;
+    moves_level_ = square > 0;
+    plane_force_ = moves_level_ ? mixed / square : 0;
     for (int i = 0; i < count; ++i) step_[i] -= plane_force_ * across_[i];
     backward(step_);
   }
 
   double operator[](int i) const { return step_[i]; }
   double plane_force() const { return plane_force_; }
+  bool moves_level() const { return moves_level_; }
 
  private:
   // Cholesky in place, row by row, with the diagonal kept as its inverse: at most 8 x 8, so plain
@@ -72,11 +75,63 @@ class FreeStep {
 
   int count_;
   double plane_force_ = 0;
+  bool moves_level_ = false;
   double factor_[kMaxUnknowns][kMaxUnknowns];
   double inverse_[kMaxUnknowns];
   double step_[kMaxUnknowns];
   double across_[kMaxUnknowns];
 };
+
+// Goes the step as far as the box lets: the ratio test, the longest part of the step, and the bound
+// that it meets. That unknown is exactly on it then and joins the working set.
+bool meets_bound(const BoxProgram& program, const std::array<int, kMaxUnknowns>& free, int count,
+                 const FreeStep& step, Vector8& x, std::array<int, kMaxUnknowns>& held) {
+  double reach = 1;
+  int hit = -1;
+  for (int i = 0; i < count; ++i) {
+    const int k = free[i];
+    const double room = (step[i] > 0 ? program.limit[k] : -program.limit[k]) - x[k];
+    if (std::abs(step[i]) * reach > std::abs(room)) reach = room / step[i], hit = i;
+  }
+  for (int i = 0; i < count; ++i) x[free[i]] += reach * step[i];
+  if (hit < 0) return false;
+  const int k = free[hit];
+  held[k] = step[hit] > 0 ? 1 : -1;
+  x[k] = held[k] * program.limit[k];
+  return true;
+}
+
+// The plane's multipliers that hold every unknown at its bound, where none that is free moves the
+// level: g = c - H x, and h (g - nu a) >= 0 of each bound h. `at_least` and `at_most` are the
+// unknowns that bound nu, -1 for none.
+struct PlaneForces {
+  int at_least = -1;
+  int at_most = -1;
+  double from = -std::numeric_limits<double>::infinity();
+  double to = std::numeric_limits<double>::infinity();
+
+  double middle() const {
+    if (at_least < 0 || at_most < 0) return at_least >= 0 ? from : at_most >= 0 ? to : 0;
+    return (from + to) / 2;
+  }
+};
+
+PlaneForces plane_forces(const BoxProgram& program, const Vector8& x,
+                         const std::array<int, kMaxUnknowns>& held) {
+  PlaneForces found;
+  for (int k = 0; k < program.size; ++k) {
+    if (held[k] == 0 || program.limit[k] == 0 || program.plane[k] == 0) continue;
+    double own = program.slope[k];
+    for (int j = 0; j < program.size; ++j) own -= program.curvature(k, j) * x[j];
+    const double balance = own / program.plane[k];
+    if (held[k] * program.plane[k] > 0) {
+      if (balance < found.to) found.to = balance, found.at_most = k;
+    } else if (balance > found.from) {
+      found.from = balance, found.at_least = k;
+    }
+  }
+  return found;
+}
 
 // At the minimum of a face: the held unknown whose bound has the most negative Lagrange multiplier,
 // so that letting go of it lowers the objective; or -1, and x is optimal.
@@ -118,25 +173,19 @@ int improve(const BoxProgram& program, Vector8& x, int most) {
     Vector8 downhill = program.slope;
     for (int k = 0; k < n; ++k) downhill.head(n) -= x[k] * program.curvature.col(k).head(n);
     const FreeStep step(program, free, count, downhill);
-    // The ratio test: the longest part of the step that keeps to the box, and the bound it meets.
-    double reach = 1;
-    int hit = -1;
-    for (int i = 0; i < count; ++i) {
-      const int k = free[i];
-      const double room = (step[i] > 0 ? program.limit[k] : -program.limit[k]) - x[k];
-      if (std::abs(step[i]) * reach > std::abs(room)) reach = room / step[i], hit = i;
-    }
-    for (int i = 0; i < count; ++i) x[free[i]] += reach * step[i];
-    // A bound was met: exactly on it, and it joins the working set.
-    if (hit >= 0) {
-      held[free[hit]] = step[hit] > 0 ? 1 : -1;
-      x[free[hit]] = held[free[hit]] * program.limit[free[hit]];
-      continue;
-    }
+    if (meets_bound(program, free, count, step, x, held)) continue;
     // The full step was taken: the minimum of this face. Let go of one bound, or be done.
-    const int worst = pulled_inwards(program, x, held, step.plane_force());
+    // Where no free unknown moves the level (a corner), one that does cannot move alone: the two
+    // that contradict each other about the plane's multiplier go, both inwards and downhill.
+    const PlaneForces forces = step.moves_level() ? PlaneForces{} : plane_forces(program, x, held);
+    const double force = step.moves_level() ? step.plane_force() : forces.middle();
+    const int worst = pulled_inwards(program, x, held, force);
     if (worst < 0) break;
-    held[worst] = 0;
+    if (program.plane[worst] != 0 && forces.at_least >= 0 && forces.at_most >= 0) {
+      held[forces.at_least] = held[forces.at_most] = 0;
+    } else {
+      held[worst] = 0;
+    }
   }
   return done;
 }

@@ -13,10 +13,10 @@
 namespace vitreo::control {
 namespace {
 
-constexpr double kCoverage = 1.96;  // of 95 % of a normal distribution
-// Of 97.5 % of the tilts, which have two directions: sqrt(-2 ln 0.025).
-constexpr double kTilted = 2.72;
-constexpr double kMeanTilt = 0.46;  // the mean tilt, sqrt(pi / 2), over that one
+constexpr double kCoverage = 2.58;  // of 99 % of a normal distribution
+// Of 99.5 % of the tilts, which have two directions: sqrt(-2 ln 0.005).
+constexpr double kTilted = 3.26;
+constexpr double kMeanTilt = 0.38;  // the mean tilt, sqrt(pi / 2), over that one
 constexpr double kFlat = 1e-9;      // m or a cosine: below, a direction has no meaning
 
 // The body's point that reaches farthest along `direction` (unit), from its center. Of a flat end,
@@ -113,7 +113,7 @@ double from_lens(const BodySurface& body, const EyeCavity& eye, const UncertainP
   return eye.vertex.z() + eye.lens_depth - pose.position.z() - body.reach(axis.z());
 }
 
-/// Sets the 95 % half width (clearance()). `distance_of`: with another axis.
+/// Sets the 99 % half width (clearance()). `distance_of`: with another axis.
 template <class Distance>
 void set_uncertainty(const BodySurface& body, const UncertainPose& pose, WallClearance& wall,
                      const Distance& distance_of) {
@@ -124,7 +124,7 @@ void set_uncertainty(const BodySurface& body, const UncertainPose& pose, WallCle
          worst_attitudes(body, pose.axis, wall.normal, kTilted * pose.axis_sigma))
       least = std::min(least, distance_of(axis));
   // A tilt only takes distance: about its mean, the rest adds to the position's in quadrature.
-  // 0.46 d + hypot(1.96 spread, 0.54 d): docs/control.md, "Clearance and margin".
+  // 0.38 d + hypot(2.58 spread, 0.62 d): docs/control.md, "Clearance and margin".
   const double nearer = wall.distance - least;
   wall.uncertainty = kMeanTilt * nearer + std::hypot(kCoverage * spread, (1 - kMeanTilt) * nearer);
 }

@@ -47,7 +47,7 @@ struct UncertainPose {
 struct WallClearance {
   double distance = 0;              // m, surface to wall; negative: inside the wall
   Eigen::Vector3d normal{0, 0, 1};  // unit, away from the wall: moving along it gains distance
-  double uncertainty = 0;           // m, half width of the 95 % interval
+  double uncertainty = 0;           // m, half width of the 99 % interval
   double bound() const { return distance - uncertainty; }  // m, its lower end
 };
 
@@ -58,11 +58,11 @@ struct Clearance {
   const WallClearance& nearest() const { return at_lens() ? lens : retina; }
 };
 
-/// Distance of the surface, and U = 0.46 d + hypot(1.96 sqrt(n' P n), 0.54 d): P is the position's
+/// Distance of the surface, and U = 0.38 d + hypot(2.58 sqrt(n' P n), 0.62 d): P is the position's
 /// covariance, n the normal at the nearest point, d how much nearer the body is when its axis is
-/// off by up to 2.72 axis_sigma (97.5 % of the tilts) in the worst direction: what lies flat can
-/// only come nearer by it, by 0.46 d in the mean. Throws std::invalid_argument for values that are
-/// not finite.
+/// off by up to 3.26 axis_sigma (99.5 % of the tilts) in the worst direction: what lies flat can
+/// only come nearer by it, by 0.38 d in the mean. One in two hundred is nearer than the bound.
+/// Throws std::invalid_argument for values that are not finite.
 Clearance clearance(const BodySurface& body, const EyeCavity& eye, const UncertainPose& pose);
 
 }  // namespace vitreo::control

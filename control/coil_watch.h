@@ -8,9 +8,7 @@
 
 #include <Eigen/Core>
 
-#include <cstddef>
 #include <deque>
-#include <vector>
 
 namespace vitreo::control {
 
@@ -18,12 +16,17 @@ namespace vitreo::control {
 using CoilMotions = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxCoils>;
 
 /// Generalized likelihood ratio test of Willsky & Jones (1976) for one fault at a time, that began
-/// within the last seconds, or long ago. What a coil fails to do moves the robot; through the
-/// filter's own gains that leaves a signature s in the innovations v of covariance S. With the sums
-/// A = sum s' S^-1 s and b = sum s' S^-1 v since the fault's begin the most probable lack is
-/// c = b / A of the coil's current, and 2 ln of the likelihood ratio is b^2 / A. A lack that lasts
-/// is soon taken for a disturbance; a tone in the null space of the allocation
-/// (FieldAllocator::tone) keeps every coil apart from the others.
+/// within the last seconds, or long ago, among coils that all are a little off. What a coil fails
+/// to do moves the robot; through the filter's own gains that leaves a signature in the innovations
+/// v of covariance S:
+///   v = s_k c + sum_j h_j e_j + noise,   e_j ~ N(0, kHealthy^2),
+/// s_k the signature of a lack c of coil k since the fault's begin, h_j that of coil j since ever.
+/// With all sums taken since the begin, A = sum s' S^-1 s, b = sum s' S^-1 v, and the errors e of
+/// healthy coils marginalized (a Schur complement), the most probable lack is c = b / A, and 2 ln
+/// of the likelihood ratio is b^2 / A. So where the allocation goes over to other currents a coil
+/// that carries a twentieth of the whole is not accused of what all the others' errors explain, and
+/// a tone in the null space of the allocation (FieldAllocator::tone), in which all carry alike,
+/// still keeps every coil apart from the others.
 class CoilWatch {
  public:
   /// Throws std::invalid_argument.
@@ -39,7 +42,9 @@ class CoilWatch {
     double lack = 0;      // part of its current that is missing: 1 for a dead coil
     double evidence = 0;  // 2 ln of the likelihood ratio against "no coil"
     double next = 0;      // the same of the next coil
-    double rest = 0;      // squared innovations that it leaves, over their degrees of freedom
+    // Squared innovations that it leaves over their degrees of freedom, 1 at least. The noise is
+    // taken to be larger by it, as of a quasi-likelihood: tens where a robot falls.
+    double rest = 1;
   };
   /// The coil and begin with the most evidence.
   Finding most_suspect() const;
@@ -51,24 +56,38 @@ class CoilWatch {
   static constexpr double kYoungest = 0.4;
   static constexpr double kMemory = 2.5;   // s, of the one that began long ago
   static constexpr double kStanding = 10;  // s, until that one is heard
-  struct Signature {
-    Eigen::Vector3d position{0, 0, 0};  // m per unit of lack: error of the filter's prediction
-    Eigen::Vector3d velocity{0, 0, 0};  // m/s
-    double information = 0;             // A
-    double product = 0;                 // b
+  using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxCoils, kMaxCoils>;
+  /// Error of the filter's prediction per unit of lack, a column a coil.
+  struct Signatures {
+    CoilMotions position;  // m
+    CoilMotions velocity;  // m/s
+    CoilMotions seen;      // m, in the last innovation
+    void follow(const Eigen::Matrix3d& position_gain, const Eigen::Matrix3d& velocity_gain,
+                double span, const CoilMotions& given);
+  };
+  /// Sums over the innovations since a begin, weighted by S^-1.
+  struct Sums {
+    double count = 0;      // innovations
+    double power = 0;      // v' v
+    Currents information;  // s_k' s_k
+    Currents product;      // s_k' v
+    Square crossed;        // s_k' h_j
+    Square errors;         // h_i' h_j
+    Currents explained;    // h_j' v
+    void add(const Innovation& innovation, const Eigen::Matrix3d& weight, const Signatures& fault,
+             const Signatures& healthy);
+    void fade(double factor);
   };
   struct Begin {
-    double age = 0;    // s
-    double count = 0;  // innovations
-    double power = 0;  // sum v' S^-1 v
-    std::vector<Signature> coils;
+    double age = 0;  // s
+    Signatures signatures;
+    Sums sums;
   };
-  static void take(Begin& begin, const Innovation& innovation, const Eigen::Matrix3d& weight,
-                   const Eigen::Matrix3d& position_gain, const Eigen::Matrix3d& velocity_gain,
-                   double span, const CoilMotions& given);
-  Finding suspect_of(const Begin& begin) const;
+  Begin begin() const;
+  Finding suspect_of(const Sums& sums, double noise) const;
+  Finding suspect_of(const Sums& sums) const;
   void age(double span);
-  std::size_t coils_;
+  Eigen::Index coils_;
   Begin standing_;            // as if it had always been so, with faded sums
   std::deque<Begin> begins_;  // the oldest first
 };

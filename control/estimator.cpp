@@ -69,6 +69,8 @@ void PositionEstimator::reset() {
   commands_.clear();
 }
 
+void PositionEstimator::shift(const Eigen::Vector3d& by) { state_.head<3>() += by; }
+
 // `velocity` is what the limits left of the command, m/s: else a limit would look like a
 // disturbance.
 void PositionEstimator::command(double time, const Eigen::Vector3d& velocity) {

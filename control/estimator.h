@@ -96,6 +96,9 @@ class PositionEstimator {
   /// Gain or delay met its bound at the last update: it is put there, with a fifth of the first
   /// standard deviation.
   bool at_bound() const { return at_bound_; }
+  /// Measurements from now on lie aside by that, m: the view was corrected, the robot has not
+  /// moved.
+  void shift(const Eigen::Vector3d& by);
   void reset();
 
  private:

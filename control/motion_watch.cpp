@@ -16,6 +16,11 @@ constexpr double kStandingWindow = 2;  // s
 // Of the measurement's standard deviation: an oscillation below it is no harm, and a square's
 // corners are below it too.
 constexpr double kAboveNoise = 3;
+// What a sound loop is off by when the target's velocity changes, m per m/s: a response that is not
+// found out yet, off by a quarter, over a gain of 2.5 /s. And when the axis turns, m per rad/s: the
+// field's error changes with it, some tens of micrometers at 0.3 rad/s. docs/control_margins.md.
+constexpr double kPerVelocity = 0.1;
+constexpr double kPerTurning = 0.2e-3;
 
 /// Least squares: without mean and trend.
 void detrend(std::vector<double>& values) {
@@ -59,6 +64,24 @@ bool lasts(const std::vector<double>& values, std::size_t period, double power) 
   return true;
 }
 
+/// m, rms: the largest error that says nothing of the loop. A target at constant velocity stirs
+/// nothing, so that its changes count: the velocity about its mean, in 3-D.
+template <class Iterator>
+double sound_error(Iterator begin, Iterator end) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  double sigma = 0, turned = 0, squares = 0;
+  const auto count = static_cast<double>(end - begin);
+  for (auto one = begin; one != end; ++one) {
+    mean += one->reference / count;
+    sigma = std::max(sigma, one->sigma);
+    turned += one->turning * one->turning / count;
+  }
+  for (auto one = begin; one != end; ++one)
+    squares += (one->reference - mean).squaredNorm() / count;
+  return std::hypot(kAboveNoise * sigma, kPerVelocity * std::sqrt(squares),
+                    kPerTurning * std::sqrt(turned));
+}
+
 }  // namespace
 
 void MotionWatch::add(const WatchedMotion& now) {
@@ -80,14 +103,13 @@ void MotionWatch::look() {
     const auto begin = std::find_if(lately_.begin(), lately_.end(),
                                     [&](const auto& one) { return one.time >= end - window; });
     const auto count = static_cast<std::size_t>(lately_.end() - begin);
-    double sigma = 0;
-    for (auto one = begin; one != lately_.end(); ++one) sigma = std::max(sigma, one->sigma);
+    const double sound = sound_error(begin, lately_.end());
     for (int axis = 0; axis < 3 && !oscillating_; ++axis)
-      oscillating_ = oscillates(axis, count, sigma);
+      oscillating_ = oscillates(axis, count, sound);
   }
   // Standing under a command.
   standing_ = false;
-  if (end - lately_.front().time < kStandingWindow) return;
+  if (end - lately_.front().time < kStandingWindow + kCaught) return;
   Eigen::Vector3d told = Eigen::Vector3d::Zero();
   const WatchedMotion* before = nullptr;
   const WatchedMotion* first = nullptr;
@@ -104,7 +126,7 @@ void MotionWatch::look() {
 }
 
 // The newest `count` errors of one coordinate, taken as evenly spaced, which frames are.
-bool MotionWatch::oscillates(int axis, std::size_t count, double sigma) {
+bool MotionWatch::oscillates(int axis, std::size_t count, double sound) {
   constexpr double kHalf = -0.5, kWhole = 0.4;
   constexpr std::size_t kPeriods = 3;
   std::vector<double> values;
@@ -115,7 +137,7 @@ bool MotionWatch::oscillates(int axis, std::size_t count, double sigma) {
   const double power = std::inner_product(values.begin(), values.end(), values.begin(), 0.0) /
                        static_cast<double>(values.size());
   // Noise has a trough now and then by chance; below the noise no cycle matters anyway.
-  if (!(std::sqrt(power) > kAboveNoise * sigma)) return false;
+  if (!(std::sqrt(power) > sound)) return false;
   const double span =
       (lately_.back().time - (lately_.end() - static_cast<std::ptrdiff_t>(count))->time) /
       static_cast<double>(count - 1);

@@ -10,6 +10,9 @@
 
 namespace vitreo::control {
 
+/// s, within which a command catches a robot that sinks, after a loop's begin or a fall.
+constexpr double kCaught = 2.5;
+
 /// One turn of a loop.
 struct WatchedMotion {
   double time = 0;                    // s, of the measurement
@@ -17,6 +20,10 @@ struct WatchedMotion {
   Eigen::Vector3d error{0, 0, 0};     // m, from the target of that time
   Eigen::Vector3d wanted{0, 0, 0};    // m/s: reference and feedback, without what cancels a push
   double sigma = 0;                   // m, of one coordinate
+  // What is commanded on purpose, and stirs a loop that is sound: the target's own velocity, m/s,
+  // and how fast the axis is turned, rad/s.
+  Eigen::Vector3d reference{0, 0, 0};
+  double turning = 0;
 };
 
 /// The last ten seconds, looked at every half second.
@@ -26,7 +33,8 @@ class MotionWatch {
   void add(const WatchedMotion& now);
   /// In some coordinate the error's autocorrelation over the last three seconds and more is below
   /// -0.5 at half a period and above 0.4 at a whole one, each of the newest three periods has its
-  /// part of it, and the error is larger than noise: a limit cycle, or a loop at its margin. The
+  /// part of it, and the error is larger than noise and than what a sound loop makes of a target
+  /// that goes to and fro and of an axis that turns: a limit cycle, or a loop at its margin. The
   /// error and not a filter's innovations: a filter that is right predicts an oscillation that the
   /// gains make.
   bool oscillating() const { return oscillating_; }
@@ -39,7 +47,7 @@ class MotionWatch {
 
  private:
   void look();
-  bool oscillates(int axis, std::size_t count, double sigma);
+  bool oscillates(int axis, std::size_t count, double sound);
   static constexpr double kTold = 0.4e-3;
   std::deque<WatchedMotion> lately_;
   double looked_ = -1e9;  // s

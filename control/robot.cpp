@@ -73,7 +73,9 @@ void Robot::check() const {
   require(std::isfinite(anisotropy) && anisotropy >= 0 && demagnetization + anisotropy < 1,
           "robot anisotropy: must be at least 0 and leave the factor across the axis below 1");
   if (helix) helix->check();
-  require(!helix || hard, "robot helix: its magnet must be a permanent one (hard)");
+  if (tail) tail->check();
+  require(!(helix || tail) || hard, "robot helix, tail: the magnet must be a permanent one (hard)");
+  require(!(helix && tail), "robot tail: a helix has none");
 }
 
 // Hard: V Br / mu0. Soft: a smooth passage from the linear law H / N to saturation,
@@ -128,6 +130,10 @@ Eigen::Matrix3d resistance(const Robot& robot, const Medium& medium, const Eigen
   if (robot.helix) {
     const HelixResistance helix = helix_resistance(*robot.helix, medium.dynamic_viscosity());
     drag = {helix.along, helix.across};
+  }
+  if (robot.tail) {
+    const TailDrag tail = tail_drag(*robot.tail, medium.dynamic_viscosity());
+    drag = {tail.along, tail.across};
   }
   const Eigen::Vector3d n = axis / length;
   const double along = robot.drag_along * drag.along;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "control/flexible_tail.h"
 #include "control/helix.h"
 
 #include <Eigen/Core>
@@ -45,6 +46,8 @@ struct Robot {
   // A helical swimmer, whose moment is across the axis. Else that is along it, and the body a
   // spheroid; for the optics a helix is the spheroid about it.
   std::optional<Helix> helix{};
+  // A swimmer with a flexible tail, whose moment is along the axis, towards the head.
+  std::optional<FlexibleTail> tail{};
   void check() const;  // throws std::invalid_argument naming the parameter
   /// |m| in A m^2 along the axis at the field |B| in T: hard, or soft as V Ms tanh(B / (mu0 N Ms)).
   double moment(double field) const;

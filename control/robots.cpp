@@ -22,7 +22,8 @@ constexpr std::pair<std::string_view, Robot (*)()> kRobots[] = {
     {"ni_500um", ni_500um},
     {"ndfeb_sphere_500um", ndfeb_sphere_500um},
     {"ndfeb_cylinder_1mm", ndfeb_cylinder_1mm},
-    {"helix_2mm", helix_2mm}};
+    {"helix_2mm", helix_2mm},
+    {"tail_3mm", tail_3mm}};
 
 // A permanent magnet: m = Br V / mu0, and 7500 kg/m^3 of NdFeB (facts/magnetics 3.1).
 // The moment of a permanent magnet is its remanence over mu0 times its volume, whatever the field.
@@ -96,6 +97,26 @@ Robot helix_2mm() {
   return robot;
 }
 
+// Assumed: a filament of polyethylene of 50 um (0.3 GPa, 920 kg/m^3) in a bead of hollow glass
+// spheres in resin (600 kg/m^3) about a cylinder of NdFeB of 0.25 mm x 0.25 mm, magnetized along
+// the tail. Density and magnetization are means over all three.
+Robot tail_3mm() {
+  constexpr double kMagnet = kPi * 0.125e-3 * 0.125e-3 * 0.25e-3;  // m^3
+  constexpr double kFoam = 600, kPolyethylene = 920;               // kg/m^3
+  const FlexibleTail tail;
+  const double head = 4. / 3 * kPi * std::pow(tail.head_radius, 3);
+  const double filament = tail.length * kPi * tail.radius * tail.radius;
+  // Its surface is a cylinder as long to the front as to the tail's end: more than there is.
+  Robot robot =
+      magnet("tail 3 mm", BodyShape::cylinder, tail.reach(), tail.head_radius, head + filament);
+  robot.solid_density =
+      (kMagnet * robot.solid_density + (head - kMagnet) * kFoam + filament * kPolyethylene) /
+      robot.solid_volume;
+  robot.saturation *= kMagnet / robot.solid_volume;
+  robot.tail = tail;
+  return robot;
+}
+
 const std::vector<std::string_view>& robot_names() {
   static const std::vector<std::string_view> names = [] {
     std::vector<std::string_view> list;
@@ -142,6 +163,7 @@ Eigen::Matrix3d resistance_near_wall(const Eigen::Matrix3d& free, const Robot& r
 // About an axis across the robot's own; N m s.
 double rotational_resistance(const Robot& robot, const Medium& medium) {
   if (robot.helix) return helix_resistance(*robot.helix, medium.dynamic_viscosity()).turning;
+  if (robot.tail) return tail_drag(*robot.tail, medium.dynamic_viscosity()).turning;
   const Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
   const double along = resistance(robot, medium, axis)(0, 0);
   const double a = robot.semi_axis;

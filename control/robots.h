@@ -15,9 +15,11 @@ namespace vitreo::control {
 Robot ni_500um();            ///< 0.5 x 0.25 x 0.25 mm of two crossed Ni plates
 Robot ndfeb_sphere_500um();  ///< a permanent magnet, 0.5 mm
 Robot helix_2mm();           ///< a resin helix of two turns about a magnet of 0.25 mm
+Robot tail_3mm();            ///< a flexible tail of 2.3 mm behind a head that hardly sinks
 Robot ndfeb_cylinder_1mm();  ///< a permanent magnet, 1 mm x 0.5 mm, magnetized along its axis
 
-/// coni_2mm, ni_500um, ndfeb_sphere_500um, ndfeb_cylinder_1mm, helix_2mm.
+/// coni_2mm, ni_500um, ndfeb_sphere_500um, ndfeb_cylinder_1mm, helix_2mm,
+/// tail_3mm.
 const std::vector<std::string_view>& robot_names();
 /// Throws std::invalid_argument with the names there are.
 Robot robot_named(std::string_view name);

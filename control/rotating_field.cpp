@@ -21,7 +21,7 @@ double sinc(double x) { return std::abs(x) < 1e-6 ? 1 : std::sin(kPi * x) / (kPi
 }  // namespace
 
 const char* to_string(RotatingMode mode) {
-  constexpr const char* kNames[] = {"helix", "roller", "tumbler"};
+  constexpr const char* kNames[] = {"helix", "roller", "tumbler", "oscillating"};
   return kNames[static_cast<std::size_t>(mode)];
 }
 
@@ -37,6 +37,11 @@ void Rotation::turn_to(const Eigen::Vector3d& other) {
 Eigen::Vector3d commanded_field(const Rotation& rotation, double phase, double lag, double hold) {
   const double lead = 2 * kPi * rotation.frequency * lag;
   const double cosine = std::cos(phase), sine = std::sin(phase);
+  // Of the oscillating one only the part along e1 changes: sin(phi) + w lag cos(phi).
+  if (rotation.swing)
+    return rotation.field * std::cos(*rotation.swing) * rotation.axis +
+           rotation.field * std::sin(*rotation.swing) / sinc(rotation.frequency * hold) *
+               (sine + lead * cosine) * rotation.first;
   const Eigen::Vector3d second = rotation.axis.cross(rotation.first);
   return rotation.field / sinc(rotation.frequency * hold) *
          ((cosine - lead * sine) * rotation.first + (sine + lead * cosine) * second);
@@ -66,26 +71,47 @@ FieldCurrents uniform_field_currents(const FieldMatrix& matrix, const CurrentLim
   return normal.ldlt().solve(right);
 }
 
-// A coil's current over a turn has the amplitude hypot(K e1, K e2) B; the sum of magnitudes is
-// largest somewhere on the turn: sampled.
+namespace {
+
+/// A per coil: what stands, and the amplitudes along cos(phi) and sin(phi).
+struct CoilCourse {
+  Currents standing, one, two;
+};
+CoilCourse course_of(const FieldCurrents& currents, const Rotation& rotation,
+                     const RotationLimits& limits) {
+  const double peak = rotation.field * emphasis(rotation.frequency, limits.lag, limits.update);
+  const Currents first = currents * rotation.first;
+  if (rotation.swing)
+    return {rotation.field * std::cos(*rotation.swing) * (currents * rotation.axis),
+            Currents::Zero(first.size()), peak * std::sin(*rotation.swing) * first};
+  return {Currents::Zero(first.size()), peak * first,
+          peak * (currents * rotation.axis.cross(rotation.first))};
+}
+
+}  // namespace
+
+// A coil's current over a turn has the amplitude hypot(one, two) about what stands; the sum of
+// magnitudes is largest somewhere on the turn: sampled.
 double reachable_part(const FieldCurrents& currents, const Rotation& rotation,
                       const RotationLimits& limits) {
-  const Eigen::Vector3d second = rotation.axis.cross(rotation.first);
-  const Currents one = currents * rotation.first, two = currents * second;
-  const double peak = rotation.field * emphasis(rotation.frequency, limits.lag, limits.update);
+  const CoilCourse course = course_of(currents, rotation, limits);
   const double rate = 2 * kPi * std::abs(rotation.frequency);
   double part = 1;
-  for (int coil = 0; coil < one.size(); ++coil) {
-    const double amplitude = peak * std::hypot(one[coil], two[coil]);
-    if (!(limits.currents[coil] > 0) || !(amplitude > 0)) continue;
+  for (int coil = 0; coil < course.one.size(); ++coil) {
+    const double amplitude = std::hypot(course.one[coil], course.two[coil]);
+    const double most = std::abs(course.standing[coil]) + amplitude;
+    if (!(limits.currents[coil] > 0) || !(most > 0)) continue;
     // A sine of this amplitude changes fastest by w times it.
-    part = std::min({part, limits.currents[coil] / amplitude,
-                     rate > 0 ? limits.slew / (rate * amplitude) : 1.0});
+    part = std::min({part, limits.currents[coil] / most,
+                     rate * amplitude > 0 ? limits.slew / (rate * amplitude) : 1.0});
   }
   constexpr int kAround = 24;
   for (int k = 0; k < kAround; ++k) {
     const double phase = 2 * kPi * k / kAround;
-    const double total = peak * (std::cos(phase) * one + std::sin(phase) * two).cwiseAbs().sum();
+    const double total =
+        (course.standing + std::cos(phase) * course.one + std::sin(phase) * course.two)
+            .cwiseAbs()
+            .sum();
     if (total > limits.total) part = std::min(part, limits.total / total);
   }
   return part;

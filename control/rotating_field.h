@@ -1,14 +1,18 @@
-// Rotating field: the currents of a field that turns about an axis, with the coils' lag made good.
+// Rotating and oscillating field: the currents of a field that turns about an axis, or swings to
+// both sides of it, with the coils' lag made good.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "control/box_allocation.h"
 
+#include <optional>
+
 namespace vitreo::control {
 
 /// How the field moves the robot: helix, turned about its own axis, swims along it; roller and
-/// tumbler, turned about an axis along a wall, go over it (a tumbler end over end).
-enum class RotatingMode { helix, roller, tumbler };
+/// tumbler, turned about an axis along a wall, go over it (a tumbler end over end). oscillating:
+/// the field swings in a plane and beats a flexible tail, whose head goes first along the axis.
+enum class RotatingMode { helix, roller, tumbler, oscillating };
 const char* to_string(RotatingMode mode);
 
 /// A field B (e1 cos phi + e2 sin phi), e1, e2 and the axis right-handed.
@@ -16,7 +20,10 @@ struct Rotation {
   Eigen::Vector3d axis{0, 0, 1};   // unit, world
   Eigen::Vector3d first{1, 0, 0};  // e1: unit, across the axis
   double frequency = 0;            // Hz; negative: the other way round
-  double field = 0;                // T
+  double field = 0;                // T, its largest magnitude
+  /// rad. With it the field oscillates (Dreyfus et al. 2005, Nature 437, 862): a part B cos(swing)
+  /// stands along the axis, and B sin(swing) sin(phi) goes along e1.
+  std::optional<double> swing{};
   /// The same about another axis (unit), the phase kept: e1 turned by the smallest rotation between
   /// the axes.
   void turn_to(const Eigen::Vector3d& other);

@@ -55,6 +55,9 @@ class StepOutWatch {
   /// True where the step-out was found now.
   bool add(double went, double commanded, double span, double frequency);
   const RotationResponse& response() const { return response_; }
+  /// What comes next does not join what was seen: a window is of one way, whose two ends alone are
+  /// uncertain.
+  void interrupt() { window_.clear(); }
   /// The frequency was lowered: what comes is judged anew, by the response from before.
   void recovered();
   /// Since recovered() a whole window was judged, and it turned with the field.

@@ -19,7 +19,30 @@ constexpr double kSlowest = 5e-6;  // m/s
 Eigen::Vector3d turned(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double most) {
   const double angle = std::atan2(from.cross(to).norm(), from.dot(to));
   if (!(angle > most)) return to;
+  // Straight back: any way round.
+  if (!(from.cross(to).norm() > 1e-9))
+    return (Eigen::AngleAxisd(most, from.unitOrthogonal()) * from).normalized();
   return (Eigen::AngleAxisd(most, from.cross(to).normalized()) * from).normalized();
+}
+
+// The head goes first: it cannot swim backwards, and turns round.
+SwimCommand beat(const SwimSettings& settings, const Eigen::Vector3d& velocity,
+                 const Eigen::Vector3d& before, double span) {
+  SwimCommand command;
+  command.axis = before.normalized();
+  const double speed = velocity.norm();
+  if (speed > kSlowest)
+    command.axis = turned(command.axis, velocity / speed, settings.turn_rate * span);
+  const double along = std::max(0.0, velocity.dot(command.axis));
+  if (settings.speeds == nullptr || !(along > 0)) return command;
+  const SpeedCurve& curve = *settings.speeds;
+  const double most = std::min(settings.frequency, curve.fastest());
+  const double reached = std::min(along, curve.speed(most));
+  command.frequency = std::min(most, curve.frequency(reached));
+  const double part = std::min(1.0, reached / curve.slowest_speed());
+  command.swing = std::asin(std::sin(settings.swing) * std::sqrt(part));
+  command.velocity = reached * command.axis;
+  return command;
 }
 
 }  // namespace
@@ -28,12 +51,14 @@ void SwimSettings::check() const {
   require(std::isfinite(advance) && advance != 0, "advance: must not be 0 m/rad");
   require(positive(turn_rate), "turn_rate: must be above 0 rad/s");
   require(positive(frequency), "frequency: must be above 0 Hz");
+  require(positive(swing) && swing < kPi / 2, "swing: must be within 0 and a right angle");
 }
 
 // In terms of the direction of motion d: the axis itself of a helix, a x n of a rolling robot,
 // whose axis is a = n x d.
 SwimCommand swim(const SwimSettings& settings, const Eigen::Vector3d& velocity,
                  const Eigen::Vector3d& normal, const Eigen::Vector3d& before, double span) {
+  if (settings.mode == RotatingMode::oscillating) return beat(settings, velocity, before, span);
   const bool helix = settings.mode == RotatingMode::helix;
   const Eigen::Vector3d wanted =
       helix ? velocity : Eigen::Vector3d(velocity - velocity.dot(normal) * normal);

@@ -55,6 +55,7 @@ local function judged(rig, run, looks, calibrated, name)
   run:result(name .. "_depth_90", statistics.percentile(found.depth, 0.9), "m")
   run:result(name .. "_aside_median", statistics.median(found.aside), "m")
   run:result(name .. "_within_95", found.covered)
+  run:headline(("Depth of further places to %s, median"):format(format_quantity(statistics.median(found.depth), "m")))
 end
 
 return {
@@ -92,10 +93,10 @@ return {
     end
     if #looks < 5 then error("fewer than five places were seen by both cameras", 0) end
     local believed = chain.believed(rig)
-    local made = believed:calibrate {
+    local made = chain.calibrate(run, believed, {
       looks = statistics.map(looks, entry),
       numbers = chain.size(rig, p.length, p.width, p.size_sigma),
-    }
+    })
     chain.report(run, made)
     judged(rig, run, further, believed, "before")
     judged(rig, run, further, made.chain, "after")

@@ -100,7 +100,7 @@ return {
       local angle = 2 * math.pi * (i - 2) / math.max(p.landings - 1, 1)
       local aside = i == 1 and vector(0, 0, 0) or p.apart * vector(math.cos(angle), math.sin(angle), 0)
       run:checkpoint("before a landing")
-      looks[#looks + 1] = landing(rig, run, servo, eye + aside + vector(0, 0, 2.5 * mm), p)
+      looks[#looks + 1] = landing(rig, run, servo, eye + aside + vector(0, 0, 3 * mm), p)
     end
     if #looks == 0 then error("the robot was not seen on the retina", 0) end
     local space = chain.workspace
@@ -108,16 +108,17 @@ return {
     for _, look in ipairs(flights(run, servo, chain.places(rig, p.frames, space.reach, space.low, space.high), p)) do
       looks[#looks + 1] = look
     end
-    local made = chain.believed(rig):calibrate {
+    local made = chain.calibrate(run, chain.believed(rig), {
       looks = looks,
       numbers = chain.size(rig, p.length, p.width, p.size_sigma),
-    }
+    })
     chain.report(run, made)
     local heights = statistics.map(looks, function(look)
       local found = chain.locate(made.chain, look)
       return found and found.height_sigma or 0 / 0
     end)
     run:result("height_sigma_median", statistics.median(heights), "m")
+    run:headline(("Height above the retina to %s"):format(format_quantity(statistics.median(heights), "m")))
     if p.further > 0 then work_on(rig, run, servo, made.chain, p) end
   end,
 }

@@ -128,6 +128,7 @@ local function judge(run, p, found, model)
     least = model.command_delay - p.limit,
     most = model.command_delay + p.limit,
   }
+  run:headline(("The robot follows a command after %s"):format(format_quantity(delay, "s")))
   run:result("delay", delay, "s")
   run:result("delay_x", found.x.delay, "s")
   run:result("delay_z", found.across.delay, "s")

@@ -99,6 +99,7 @@ return {
     end
     run:result("dock_angle_error_max", largest, "rad")
     run:result("dock_position_error_max", farthest, "m")
+    run:headline(("In the port within %s and %s"):format(format_quantity(largest, "rad"), format_quantity(farthest, "m")))
     run:table {
       title = "In the port: axis and position against what was wanted; feedback " .. p.feedback,
       header = { "pitch, °", "azimuth, °", "angle off, °", "largest, °", "distance off, µm", "field, mT", "limited" },

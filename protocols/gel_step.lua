@@ -159,5 +159,10 @@ return {
     }
     run:plot { title = "The step", x = { "time", "s" }, y = { "x", "mm" }, series = series }
     judged(run, steps)
+    local overshoots = {}
+    for k, row in ipairs(rows) do
+      overshoots[k] = row[1] .. " " .. row[2]
+    end
+    run:headline("Overshoot of the step: " .. table.concat(overshoots, ", "))
   end,
 }

@@ -102,8 +102,8 @@ local function hold(run, servo, p, aligned)
 end
 
 local function square(run, servo, p)
-  -- 0.3 mm up: as in servo_square, the lower corners keep the margin from the retina.
-  local corners = paths.rectangle { width = p.width, depth = p.depth, center = vector(0, 0, 0.3 * mm) }
+  -- 0.6 mm up: as in servo_square, the lower corners keep the margin from the retina.
+  local corners = paths.rectangle { width = p.width, depth = p.depth, center = vector(0, 0, 0.6 * mm) }
   servo:go_to(corners[1], { within = 1 * mm, settle = 0, timeout = 60 * s })
   run:wait(p.settle)
   local span = { from = run:now() }
@@ -205,16 +205,16 @@ return {
       servo:wait_until_tracked { timeout = 10 * s }
       run:checkpoint("before the hold, " .. law)
       local held = hold(run, servo, p, aligned)
+      run:result(name_of("hold", law, p.law), held.found.rms, "m")
       if law == p.law then found.margins = margins(run, servo, "at the hold's end") end
       quality(run, servo, law, "hold", held)
       run:checkpoint("before the square, " .. law)
       local went = square(run, servo, p)
+      run:result(name_of("square", law, p.law), went.found.rms, "m")
       quality(run, servo, law, "square", went)
       held.law, went.law = law, law
       found.hold[law], found.square[law] = held, went
       holds[#holds + 1], squares[#squares + 1] = held, went
-      run:result(name_of("hold", law, p.law), held.found.rms, "m")
-      run:result(name_of("square", law, p.law), went.found.rms, "m")
       for _, part in ipairs { { "hold", held }, { "square", went } } do
         local e = part[2].found
         rows[#rows + 1] = {
@@ -239,5 +239,7 @@ return {
     error_plot(run, "Holding a place: error against time", holds)
     error_plot(run, "Round the square: error against time", squares)
     judged(run, p, found)
+    local main = { found.hold[p.law].found.rms, found.square[p.law].found.rms }
+    run:headline(("Held to %s, square followed to %s rms"):format(format_quantity(main[1], "m"), format_quantity(main[2], "m")))
   end,
 }

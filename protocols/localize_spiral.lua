@@ -178,6 +178,7 @@ local function eyes_part(rig, p, run, book, spans, numbers, orientation)
     unit = "",
     at_most = 1.3,
     reason = "this project's goal",
+    why = "pixel, tilt and the eye's place are drawn once a seed; the bound is of benches drawn anew: runs of several seeds",
   }
   for _, row in ipairs {
     { "exact", left, "exact outlines, axis known, scale by the same look: mean error along z, median of the eyes" },

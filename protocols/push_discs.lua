@@ -228,6 +228,7 @@ return {
     run:result("disc_pushed", (last - from) * pixel, "m")
     run:result("disc_pushed_truly", (to - from) * pixel, "m")
     run:result("robot_went", robots_at[#frames].x - robots_at[1].x, "m")
+    run:headline(("A disc pushed by %s"):format(format_quantity((last - from) * pixel, "m")))
     local book = expect.book(run, "figure 8.2")
     book:number {
       id = "8.2.all_tracked",

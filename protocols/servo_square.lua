@@ -14,11 +14,13 @@ local retina = require "calibration.retina"
 local statistics = require "analysis.statistics"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
--- 0.3 mm up: at the lower corners the body then keeps the margin from the retina, with all that one view leaves in doubt.
-local center = vector(0, 0, 0.3 * mm)
+-- So far up that at the lower corners the body keeps the margin from the retina, with all that one view leaves in doubt; an
+-- upright robot reaches half a millimeter lower.
+local centers = { x = vector(0, 0, 0.6 * mm), z = vector(0, 0, 0.9 * mm) }
 
 -- Once round in one eye; when. `sight`: color_feedback.options. `shown`: with pictures.
 local function round(rig, run, p, truth, shown, sight)
+  local center = centers[p.orientation]
   local square = paths.rectangle { width = p.width, depth = p.depth, center = center, laps = p.laps }
   local axis = p.orientation == "z" and vector(0, 0, 1) or vector(1, 0, 0)
   run:progress(0, "learning the empty scene")

@@ -2,7 +2,8 @@
 -- takes the robot there, and reports its height above the retina beside a zero level that the operator sets. Points come from
 -- a script (the parameter), are asked for one at a time, or are pointed at in the live view (`vitreo view servo_supervised
 -- points=view`), where a joystick also changes the depth. With fixed_to=retina each point goes with the retina that is seen
--- behind it, whatever the eye does (rig drifting_eye, with feedback=color).
+-- behind it, whatever the eye does (rig drifting_eye, with feedback=color), and zones= names parts of the retina that the robot
+-- keeps out of on its way.
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "session.preparation"
 local color_feedback = require "session.color_feedback"
@@ -13,6 +14,7 @@ local judge = require "analysis.path_accuracy"
 local published = require "analysis.published"
 local retina = require "calibration.retina"
 local retina_targets = require "session.retina_targets"
+local retina_zones = require "session.retina_zones"
 local statistics = require "analysis.statistics"
 local track_errors = require "analysis.track_errors"
 local units = require "units"
@@ -122,6 +124,10 @@ return {
       default = "world",
       help = "what the points stay with: retina: each goes with what is seen behind it at the beginning, or when pointed at",
     },
+    zones = {
+      default = "",
+      help = "x,y,radius in mm with ; between: parts of the retina that the robot keeps out of; with fixed_to=retina",
+    },
     within = { unit = "mm", default = 0.3 * mm, min = 0.02 * mm, max = 2 * mm, help = "how near is there" },
     speed = { unit = "mm/s", default = 0.5 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "along the way" },
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
@@ -134,6 +140,8 @@ return {
     },
   },
   run = function(rig, p, run)
+    local zones = retina_zones.read(p.zones)
+    if #zones > 0 and p.fixed_to ~= "retina" then error("zones: they are parts of the retina; fixed_to=retina finds it", 0) end
     local script = p.points ~= "ask" and p.points ~= "view" and read_points(p.points) or nil
     rig.sample:remove_robot()
     local truth = p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw) or nil
@@ -157,6 +165,9 @@ return {
     bring.insert(rig, servo, vector(0, 0, 0))
     bring.trim(servo, vector(0, 0, 0), { rounds = 1, within = view and 0.8 * mm or nil })
     local ground = p.fixed_to == "retina" and retina_map(rig, run, servo, view) or nil
+    for _, zone in ipairs(zones) do
+      retina_targets.forbid(ground, vector(zone.x, zone.y, 0), zone.radius)
+    end
     if ground and script then
       for k, point in ipairs(script) do
         script[k] = retina_targets.fix(ground, point)
@@ -247,6 +258,9 @@ return {
     if ground then
       run:result("frames", ground.frames)
       run:result("frames_on_map", ground.found)
+      for k, zone in ipairs(ground.zones) do
+        if zone.least < math.huge then run:result(("zone_%d_clearance"):format(k), zone.least, "m") end
+      end
       run:picture { title = "The map of the retina", image = ground.map:picture().image }
     end
     run:table {

@@ -49,7 +49,7 @@ struct BlobTracker::State {
         search(background, {settings.min_semi_minor_px, settings.max_semi_major_px,
                             settings.threshold_sigma, settings.min_contrast}),
         contour({settings.normals, settings.search_px, settings.blur_sigma_px,
-                 settings.min_contrast}) {}
+                 settings.min_contrast, settings.corners}) {}
 
   std::optional<EllipseMeasurement> measure(const cv::Mat& image, const Ellipse& start);
   std::optional<EllipseMeasurement> near_last(const cv::Mat& image);

@@ -23,6 +23,9 @@ struct BlobTrackerSettings {
   double search_px = 8;     ///< along each normal, either way
   /// Of the imaging, about: estimated anew in each image, 0.4 to 2.5 times this, or to 6.
   double blur_sigma_px = 2.0;
+  /// The body has flat ends, as a cylinder: its rim is no ellipse, which is then the least-squares
+  /// one through all of it, and the contour the rim itself to a tenth of a pixel.
+  bool corners = false;
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 

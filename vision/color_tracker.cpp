@@ -23,8 +23,17 @@ constexpr double kVelocityGain = 0.6;  // share of the last step in the velocity
 constexpr double kMostAspect = 0.35;   // of an axis against the masks' at the same size, relative
 // Sizes that are searched besides the known one, in turn.
 constexpr std::array<double, 5> kSizes{0.7, 1.4, 0.5, 2.0, 1.0};
+// What a frame's search may cost, in looks at a candidate; a search of the image costs as much as
+// one for an object of kOneLook_px semi-minor axis, and more where it has smaller cells.
+constexpr int kFrameWork = 9;
+constexpr double kOneLook_px = 15;
+constexpr int kMostSearchWork = 4;
+constexpr int kLooksEach = 2;        // at a candidate
 constexpr double kOtherSize = 0.22;  // natural logarithm, from which a size is another one
 constexpr double kAxesSigma = 1.0;   // px, of semi-axes against their slow mean
+// Of an axis' excess over its slow mean, the standard deviation that it stands for in the center:
+// what lengthens an axis moves one end of it.
+constexpr double kOneEnd = 0.4;
 // Inlier fraction above which the rim is visible enough for its inside to be judged.
 constexpr double kJudgedRim = 0.45;
 // A measurement from a rough position that ends this near to it (px) with this inlier fraction
@@ -47,6 +56,12 @@ constexpr double kWholeRim = 0.6;
 
 bool within_share(double value, double mean, double share) {
   return std::abs(value - mean) <= share * mean;
+}
+
+// Cells are as wide as the object is thin.
+int search_work(const Eigen::Vector2d& axes) {
+  const double cells = kOneLook_px / axes.y();
+  return std::clamp(static_cast<int>(std::lround(cells * cells)), 1, kMostSearchWork);
 }
 
 }  // namespace
@@ -104,16 +119,16 @@ struct ColorTracker::State : TrackMemory {
   bool near_expected(const cv::Mat& image, const Owned& owned, Track& track);
   bool near_expected_relit(const cv::Mat& image, const Owned& owned, Track& track);
   bool anywhere(const cv::Mat& image, const Owned& owned, Track& track);
-  void search_in(const LogColor& gains, const Eigen::Vector2d& axes, const cv::Mat& image,
-                 const Owned& owned);
+  int search_in(const LogColor& gains, const Eigen::Vector2d& axes, int looks, const cv::Mat& image,
+                const Owned& owned);
   Eigen::Vector2d trained_axes() const;
   double size_of(const Ellipse& e) const;
   const FalseBelief::Asked& asked_of(const Ellipse& e) const;
   bool good(const Observation& seen, const Ellipse& start, const Eigen::Vector2d& axes, double jump,
             double inliers) const;
   LookWorth worth_of(const Observation& seen) const;
-  bool look_at(const cv::Mat& image, const Owned& owned, Ellipse start, const Eigen::Vector2d& axes,
-               Observation& seen);
+  int look_at(const cv::Mat& image, const Owned& owned, Ellipse start, const Eigen::Vector2d& axes,
+              int looks, Observation& seen);
   void follow(const Ellipse& e, double inliers);
   void find(const cv::Mat& image, const Observation& seen);
   void confirm(const cv::Mat& image, const Judged& look, Track& track);
@@ -205,7 +220,8 @@ LookWorth ColorTracker::State::worth_of(const Observation& seen) const {
 
 // Subtracts the mean bias of the axes found in training and adds the covariance of the rest, which
 // the scatter along the rim does not contain; then the factors by which looks like this one erred
-// more than they claimed.
+// more than they claimed; then what an axis unlike the last ones says: a vessel at one end of the
+// rim lengthens the ellipse and moves its center by as much.
 // Axes keep their order, as covariance and pose depend on which is which.
 EllipseMeasurement ColorTracker::State::calibrated(const Judged& look) const {
   const Calibration& calibration = settings.view.refine ? model.rim : model.segment;
@@ -221,6 +237,14 @@ EllipseMeasurement ColorTracker::State::calibrated(const Judged& look) const {
       Eigen::Vector3d::Constant(std::sqrt(look.worth.shape));
   result.covariance =
       scale.asDiagonal() * (raw.covariance + calibration.covariance) * scale.asDiagonal();
+  const Eigen::Vector2d excess =
+      kOneEnd * (Eigen::Vector2d(raw.ellipse.semi_major_px, raw.ellipse.semi_minor_px) - axes_px);
+  const double c = std::cos(raw.ellipse.angle);
+  const double s = std::sin(raw.ellipse.angle);
+  const Eigen::Matrix2d axes = (Eigen::Matrix2d() << c, -s, s, c).finished();
+  const Eigen::Matrix2d squares = excess.cwiseAbs2().asDiagonal();
+  result.covariance.topLeftCorner<2, 2>() += axes * squares * axes.transpose();
+  result.covariance.block<2, 2>(2, 2) += squares;
   return result;
 }
 
@@ -395,29 +419,32 @@ bool ColorTracker::State::near_expected_relit(const cv::Mat& image, const Owned&
 
 // A candidate of the search, measured: twice at most, from the rough position, then from the first
 // result. The prior is wide, as the candidate's position is good to some px and its angle to some
-// tenths of rad.
+// tenths of rad. Returns how often it was looked at; nothing is measured where it is no object.
 // More is asked of an object found anew (min_inliers_new) than of one followed: the whole image has
 // more that looks like it.
-bool ColorTracker::State::look_at(const cv::Mat& image, const Owned& owned, Ellipse start,
-                                  const Eigen::Vector2d& axes, Observation& seen) {
+int ColorTracker::State::look_at(const cv::Mat& image, const Owned& owned, Ellipse start,
+                                 const Eigen::Vector2d& axes, int looks, Observation& seen) {
   start.semi_major_px = axes.x();
   start.semi_minor_px = axes.y();
-  for (int round = 0; round < 2; ++round) {
-    if (!in_image(start)) return false;
+  int round = 0;
+  while (round < std::min(looks, kLooksEach) && in_image(start)) {
     const EllipsePrior prior{start, 8, 2.5, 0.4};
     seen = view.observe(image, start, settings.view.gate_px, prior, owned);
-    if (!seen.measured) return false;
+    ++round;
+    if (!seen.measured) return round;
     const bool near = (seen.measured->ellipse.center_px - start.center_px).norm() < kRough;
     start = seen.measured->ellipse;
     if (near && seen.measured->inlier_fraction > kSure) break;
   }
-  return good(seen, start, axes, settings.jump_px, settings.min_inliers_new);
+  if (!good(seen, start, axes, settings.jump_px, settings.min_inliers_new)) seen.measured.reset();
+  return round;
 }
 
-// All candidates of the search under one guess of the light and of the size; the best of all
-// guesses stays. Two looks at one body, by two guesses, are one candidate.
-void ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d& axes,
-                                    const cv::Mat& image, const Owned& owned) {
+// The candidates of the search under one guess of the light and of the size, as long as there are
+// looks left; the best of all guesses stays. Two looks at one body, by two guesses, are one
+// candidate. Returns the looks that are left.
+int ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d& axes, int looks,
+                                   const cv::Mat& image, const Owned& owned) {
   const Eigen::Vector2d middle(image.cols / 2.0, image.rows / 2.0);
   const bool known = state != TrackState::searching;
   search_source->set_light(gains);
@@ -425,8 +452,10 @@ void ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d
   view.set_light(gains);
   for (const Ellipse& start : search.find(image, *search_source, known ? last.center_px : middle,
                                           settings.candidates, owned.map, owned.self)) {
+    if (looks <= 0) break;
     Judged look;
-    if (!look_at(image, owned, start, axes, look.seen)) continue;
+    looks -= look_at(image, owned, start, axes, looks, look.seen);
+    if (!look.seen.measured) continue;
     look.worth = worth_of(look.seen);
     const double likeness = look.worth.likeness;
     if (!pick.best) {
@@ -443,27 +472,32 @@ void ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d
     pick.best = look;
     pick.gains = gains;
   }
+  return looks;
 }
 
-// Re-detection, in the light as it was and, where that finds nothing like the object, in those that
-// it may be; the candidate most like the object in training is the find, and by how much it is more
-// so than the second is its margin.
+// Re-detection, in the light as it was and, where that finds nothing like the object, in one more
+// way a frame, which bounds a frame's time: the other lights that it may be, and another size, in
+// turn. The candidate most like the object in training is the find, and by how much it is more so
+// than the second is its margin.
 bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
   pick.best.reset();
   pick.second = model.audit.as_trained.most_likeness;
   const Eigen::Vector2d axes = state == TrackState::searching ? trained_axes() : axes_px;
   const LightMemory::Guesses guesses = light.guesses(model.light);
-  const std::size_t count = settings.adapt ? guesses.count : 1;
-  for (std::size_t k = 0; k < count; ++k) {
-    search_in(guesses.gains[k], axes, image, owned);
-    if (pick.best && pick.best->worth.likeness >= settings.min_likeness_new) break;
-  }
+  const std::size_t lights = settings.adapt ? guesses.count - 1 : 0;
+  const std::size_t ways = lights + (settings.any_size ? 1 : 0);
+  const std::size_t way = ways > 0 ? size_turn % ways : 0;
+  const bool resized = way >= lights;
+  const double size = ways > 0 && resized ? kSizes[size_turn / ways % kSizes.size()] : 1;
+  const Eigen::Vector2d other = resized ? Eigen::Vector2d(size * trained_axes()) : axes;
+  const int reserve = ways > 0 ? search_work(other) + kLooksEach : 0;
+  const int looks = std::max(kFrameWork - search_work(axes) - reserve, kLooksEach);
+  const int left = search_in(guesses.gains[0], axes, looks, image, owned);
   const bool none = !pick.best || pick.best->worth.likeness < settings.min_likeness_new;
-  if (none && settings.any_size) {
-    // One size more a frame bounds a frame's time.
-    pick.second = std::max(pick.second, model.audit.resized.most_likeness);
-    const double size = kSizes[size_turn++ % kSizes.size()];
-    search_in(guesses.gains[0], size * trained_axes(), image, owned);
+  if (none && ways > 0) {
+    ++size_turn;
+    if (resized) pick.second = std::max(pick.second, model.audit.resized.most_likeness);
+    search_in(guesses.gains[resized ? 0 : way + 1], other, left + kLooksEach, image, owned);
   }
   if (!pick.best) return false;
   track.likeness = pick.best->worth.likeness;

@@ -139,10 +139,9 @@ void Contour::half_crossing(const Images& images, Normal& n, double& slope) cons
   slope = sign * (at(std::max(j - 2, 0)) - at(std::min(j + 1, count - 1))) / 3;
 }
 
-// All normals' half crossings and the ellipse through them. The blur from their slope: a step of
-// contrast c blurred by sigma has the slope c / (sqrt(2 pi) sigma) at half height.
-// False when too few normals agree on an ellipse. `ellipse` is replaced only by a valid fit.
-bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
+// All normals' half crossings. The blur from their slope: a step of contrast c blurred by sigma has
+// the slope c / (sqrt(2 pi) sigma) at half height.
+void Contour::take_crossings(const Images& images, const Ellipse& ellipse) {
   place_normals(ellipse, normals_);
   std::vector<double> contrasts;
   std::vector<double> slopes;
@@ -157,9 +156,34 @@ bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
   const double estimated = steep > 0 ? upper_median(contrasts) / steep : 0;
   const double nominal = settings_.blur_sigma_px;
   sigma_ = estimated > kClearlyMore * nominal ? allowed_blur(estimated) : nominal;
-  const FittedEllipse fitted = fit_ellipse(ellipse, normals_);
+}
+
+// The ellipse through them. False when too few normals agree on one. `ellipse` is replaced only by
+// a valid fit.
+bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
+  take_crossings(images, ellipse);
+  const FittedEllipse fitted =
+      settings_.corners ? fit_cornered(ellipse, normals_) : fit_ellipse(ellipse, normals_);
   if (fitted.valid) ellipse = fitted.ellipse;
   return fitted.valid;
+}
+
+// Rounds of least squares through the half crossings until the ellipse rests. What a crossing may
+// be off by beside noise is a shade within the body, a corner's own blur.
+std::optional<EllipseMeasurement> Contour::cornered(const Images& images, Ellipse ellipse) {
+  constexpr int kRounds = 8;
+  constexpr double kCrossing_px = 0.15;
+  FittedEllipse fitted;
+  for (int k = 0; k < kRounds; ++k) {
+    take_crossings(images, ellipse);
+    for (Normal& n : normals_) n.variance = kCrossing_px * kCrossing_px;
+    fitted = fit_cornered(ellipse, normals_);
+    if (!fitted.valid) return std::nullopt;
+    const Eigen::Matrix<double, 5, 1> moved = fitted.ellipse.vector() - ellipse.vector();
+    ellipse = fitted.ellipse;
+    if (moved.head<4>().cwiseAbs().maxCoeff() < kLastMovePx) break;
+  }
+  return measurement(fitted);
 }
 
 // Rounds until the blur settles: with too small a blur half_crossing() searches the contrast too
@@ -365,18 +389,25 @@ std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const c
   const Images images{image, ground, noise};
   Ellipse ellipse = start;
   if (!coarse_rounds(images, ellipse)) return std::nullopt;
-  EllipseMeasurement result;
+  if (settings_.corners) return cornered(images, ellipse);
+  FittedEllipse last{ellipse, {}, true};
   for (int k = 0; k < kFineRounds; ++k) {
     const double before = sigma_;
-    const auto fitted = fine_round(images, ellipse);
+    const auto fitted = fine_round(images, last.ellipse);
     if (!fitted) return std::nullopt;
-    const Eigen::Matrix<double, 5, 1> moved = fitted->ellipse.vector() - ellipse.vector();
-    ellipse = fitted->ellipse;
-    result.covariance = fitted->covariance;
+    const Eigen::Matrix<double, 5, 1> moved = fitted->ellipse.vector() - last.ellipse.vector();
+    last = *fitted;
     if (moved.head<4>().cwiseAbs().maxCoeff() < kLastMovePx && std::abs(sigma_ / before - 1) < 0.02)
       break;
   }
-  result.ellipse = ellipse;
+  return measurement(last);
+}
+
+// Of the last round's normals.
+EllipseMeasurement Contour::measurement(const FittedEllipse& fitted) const {
+  EllipseMeasurement result;
+  result.ellipse = fitted.ellipse;
+  result.covariance = fitted.covariance;
   const auto agree = [](const Normal& n) { return n.found && n.weight > 0; };
   const auto count = static_cast<double>(std::count_if(normals_.begin(), normals_.end(), agree));
   result.inlier_fraction = count / static_cast<double>(normals_.size());

@@ -19,6 +19,7 @@ struct ContourSettings {
   double search_px = 8;
   double blur_sigma_px = 2;
   double min_contrast = 8;
+  bool corners = false;  // the rim is no ellipse: flat ends
 };
 
 /// Coarse: where each normal crosses half the contrast to the ground, which finds the rim from some
@@ -31,6 +32,8 @@ struct ContourSettings {
 class Contour {
  public:
   explicit Contour(const ContourSettings& settings);
+  /// With `corners` by the half crossings alone, to a tenth of a pixel: an edge model at an ellipse
+  /// that the rim leaves by pixels fits nothing.
   /// `image` CV_8U, `ground` CV_32F of the same size, `noise` of a gray level (CV_32F 1x256).
   /// `start` within some settings.search_px of the rim. Nothing when too little of a rim is there.
   std::optional<EllipseMeasurement> measure(const cv::Mat& image, const cv::Mat& ground,
@@ -54,9 +57,12 @@ class Contour {
     double shift_by_blur = 0;  // change of the solved shift per px of blur
   };
   using StepSums = Eigen::Matrix<double, 6, 6>;
+  std::optional<EllipseMeasurement> cornered(const Images& images, Ellipse ellipse);
+  EllipseMeasurement measurement(const FittedEllipse& fitted) const;
   bool coarse_rounds(const Images& images, Ellipse& ellipse);
   bool coarse_round(const Images& images, Ellipse& ellipse);
   void half_crossing(const Images& images, Normal& normal, double& slope) const;
+  void take_crossings(const Images& images, const Ellipse& ellipse);
   double allowed_blur(double sigma) const;
   std::optional<FittedEllipse> fine_round(const Images& images, const Ellipse& ellipse);
   void sample_profiles(const Images& images, const Ellipse& ellipse);

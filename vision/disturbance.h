@@ -11,7 +11,7 @@
 
 namespace vitreo::vision {
 
-constexpr int kDisturbances = 22;  ///< kinds, from 0; 0 is the image as it is
+constexpr int kDisturbances = 30;  ///< kinds, from 0; 0 is the image as it is
 
 /// Whether a kind is another light alone: gains of the channels, about even over the object.
 bool is_light(int kind);

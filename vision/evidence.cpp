@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace vitreo::vision {
 namespace {
@@ -27,24 +26,31 @@ cv::Rect region_of(const Ellipse& gate, int max_side_px) {
 
 }  // namespace
 
-// Pixels whose centers lie within; first == end where the row misses the ellipse.
-RowSpan row_of(const Ellipse& e, int v) {
-  // The rim's quadratic form xx du^2 + 2 xy du dv + yy dv^2 = 1, solved for du along the row.
+// The rim's quadratic form xx du^2 + 2 xy du dv + yy dv^2 = 1, solved for du along a row.
+EllipseRows::EllipseRows(const Ellipse& e) : u_(e.center_px.x()), v_(e.center_px.y()) {
   const double c = std::cos(e.angle);
   const double s = std::sin(e.angle);
-  const double dv = v - e.center_px.y();
   const double ia = 1 / (e.semi_major_px * e.semi_major_px);
   const double ib = 1 / (e.semi_minor_px * e.semi_minor_px);
   const double xx = c * c * ia + s * s * ib;
   const double xy = c * s * (ia - ib);
-  const double yy = s * s * ia + c * c * ib;
-  const double root = xy * xy * dv * dv - xx * (yy * dv * dv - 1);
-  if (!(root > 0)) return {};
-  const double middle = e.center_px.x() - xy * dv / xx;
-  const double half = std::sqrt(root) / xx;
+  slope_ = -xy / xx;
+  half_ = 1 / xx;
+  falloff_ = ia * ib / (xx * xx);  // (xx yy - xy^2) / xx^2
+}
+
+// Pixels whose centers lie within; first == end where the row misses the ellipse.
+RowSpan EllipseRows::at(int v) const {
+  const double dv = v - v_;
+  const double square = half_ - falloff_ * dv * dv;
+  if (!(square > 0)) return {};
+  const double middle = u_ + slope_ * dv;
+  const double half = std::sqrt(square);
   return {static_cast<int>(std::ceil(middle - half)),
           static_cast<int>(std::floor(middle + half)) + 1};
 }
+
+RowSpan row_of(const Ellipse& e, int v) { return EllipseRows(e).at(v); }
 
 // Not the exact parallel curve, which is no ellipse: exact on the axes.
 // No axis gets shorter than 1 px, so that the result is an ellipse.
@@ -65,28 +71,39 @@ void Evidence::reserve(int side_px) {
 }
 
 // Sums of F over three columns of row v, which lies in the image, into its slot of the ring of
-// three. Pixels outside of the image count as F = 0.
+// three; no more of it than the gate's rows v - 1, v and v + 1 ask for. Pixels outside of the image
+// count as F = 0.
 // A pixel's F is an int8, a sum of nine of them an int16 without overflow.
-void Evidence::read_row(const cv::Mat& image, const EvidenceSource& source, int v) {
+void Evidence::read_row(const cv::Mat& image, const EvidenceSource& source, const EllipseRows& gate,
+                        int v) {
   const auto width = static_cast<std::size_t>(region_.width);
-  const int first = std::max(region_.x - 1, 0);
-  const int end = std::min(region_.x + region_.width + 1, image.cols);
-  std::fill(row_.begin(), row_.begin() + static_cast<std::ptrdiff_t>(width + 2), std::int8_t{0});
-  if (end > first)
-    source.read(image, v, first, 1, end - first, row_.data() + (first - (region_.x - 1)));
+  RowSpan span{region_.x + region_.width, region_.x};
+  for (int k = v - 1; k <= v + 1; ++k) {
+    const RowSpan of = gate.at(k);
+    if (of.first >= of.end) continue;
+    span.first = std::max(std::min(span.first, of.first), region_.x);
+    span.end = std::min(std::max(span.end, of.end), region_.x + region_.width);
+  }
+  if (span.first >= span.end) return;
+  const int first = std::max(span.first - 1, 0);
+  const int end = std::min(span.end + 1, image.cols);
+  const int left = region_.x - 1;  // column of row_'s first
+  if (first > span.first - 1 || end < span.end + 1)
+    std::fill(row_.begin() + (span.first - 1 - left), row_.begin() + (span.end + 1 - left),
+              std::int8_t{0});
+  if (end > first) source.read(image, v, first, 1, end - first, row_.data() + (first - left));
   std::int16_t* sums = sums_.data() + static_cast<std::size_t>((v + 3) % 3) * width;
   const std::int8_t* f = row_.data();
-  for (std::size_t k = 0; k < width; ++k)
+  for (auto k = static_cast<std::size_t>(span.first - region_.x);
+       k < static_cast<std::size_t>(span.end - region_.x); ++k)
     sums[k] = static_cast<std::int16_t>(f[k] + f[k + 1] + f[k + 2]);
 }
 
-// One row of the map: the 3 x 3 sum within the gate, kBlocked elsewhere and on other objects'
-// pixels.
+// One row of the map: the 3 x 3 sum within the gate, kBlocked elsewhere. Returns what lies within.
 // kBlocked is the lowest int16: no threshold lets the level set in.
-void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned,
-                        unsigned char self) {
+RowSpan Evidence::fill_row(const EllipseRows& gate, int v, const cv::Mat& image) {
   const auto width = static_cast<std::size_t>(region_.width);
-  RowSpan span = row_of(gate, v);
+  RowSpan span = gate.at(v);
   span.first = std::max({span.first, region_.x + kMargin, 0});
   span.end = std::min({span.end, region_.x + region_.width - kMargin, image.cols});
   std::int16_t* to = values_.data() + index_of(region_.x, v);
@@ -98,19 +115,17 @@ void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const 
     const auto k = static_cast<std::size_t>(u - region_.x);
     to[k] = static_cast<std::int16_t>(a[k] + b[k] + c[k]);
   }
-  if (owned.empty()) return;
-  const auto* owner = owned.ptr<unsigned char>(v);
-  for (int u = span.first; u < span.end; ++u) {
-    if (owner[u] != 0 && owner[u] != self) to[u - region_.x] = kBlocked;
-  }
+  return span;
 }
 
-// Row by row with a ring of three rows of sums, so that every pixel's F is looked up once.
+// Row by row with a ring of three rows of sums, so that every pixel's F is looked up once. Other
+// objects' pixels are blocked at the end.
 void Evidence::look(const cv::Mat& image, EvidenceSource& source, const Ellipse& gate,
                     int max_side_px, const cv::Mat& owned, unsigned char self) {
   image_ = image.size();
   region_ = region_of(gate, max_side_px);
   source.prepare(image, region_);
+  const EllipseRows rows(gate);
   const auto width = static_cast<std::size_t>(region_.width);
   const auto height = static_cast<std::size_t>(region_.height);
   if (values_.size() < width * height) values_.resize(width * height);
@@ -128,39 +143,54 @@ void Evidence::look(const cv::Mat& image, EvidenceSource& source, const Ellipse&
     }
     // The ring holds the rows v - 1, v and v + 1; outside of the image a row counts as F = 0.
     if (v == std::max(first, 0)) {
-      if (v > 0) read_row(image, source, v - 1);
-      read_row(image, source, v);
+      if (v > 0) read_row(image, source, rows, v - 1);
+      read_row(image, source, rows, v);
     }
     if (v + 1 < image.rows) {
-      read_row(image, source, v + 1);
+      read_row(image, source, rows, v + 1);
     } else {
       std::fill_n(sums_.begin() +
                       static_cast<std::ptrdiff_t>(static_cast<std::size_t>((v + 4) % 3) * width),
                   width, std::int16_t{0});
     }
-    fill_row(gate, v, image, owned, self);
+    const RowSpan span = fill_row(rows, v, image);
+    if (owned.empty()) continue;
+    std::int16_t* to = values_.data() + index_of(region_.x, v);
+    const auto* owner = owned.ptr<unsigned char>(v);
+    for (int u = span.first; u < span.end; ++u)
+      if (owner[u] != 0 && owner[u] != self) to[u - region_.x] = kBlocked;
   }
 }
 
-// NaN marks the end of what is known; callers stop there.
-// F in natural units; u, v in px of the image.
-double Evidence::between(double u, double v) const {
-  const double fu = std::floor(u);
-  const double fv = std::floor(v);
-  const int i = static_cast<int>(fu);
-  const int j = static_cast<int>(fv);
-  if (i < region_.x || j < region_.y || i + 1 >= region_.x + region_.width ||
-      j + 1 >= region_.y + region_.height) {
-    return std::numeric_limits<double>::quiet_NaN();
+// Bilinear in fixed point of 16 bits each way: no conversion and no rounding a sample. The ends of
+// the way are asked whether they lie in the region; then all of it does.
+int Evidence::along(const Eigen::Vector2d& from, const Eigen::Vector2d& step, int count,
+                    double most, std::int64_t* to) const {
+  constexpr double kOne = 65536;
+  const double u0 = from.x() - region_.x;
+  const double v0 = from.y() - region_.y;
+  if (!(std::abs(u0) < 20000 && std::abs(v0) < 20000)) return 0;
+  auto u = static_cast<std::int64_t>(std::llround(u0 * kOne));
+  auto v = static_cast<std::int64_t>(std::llround(v0 * kOne));
+  const auto du = static_cast<std::int64_t>(std::llround(step.x() * kOne));
+  const auto dv = static_cast<std::int64_t>(std::llround(step.y() * kOne));
+  const auto limit = static_cast<std::int64_t>(most * kScale * kOne * kOne);
+  const std::int64_t right = static_cast<std::int64_t>(region_.width - 1) << 16;
+  const std::int64_t bottom = static_cast<std::int64_t>(region_.height - 1) << 16;
+  const std::int16_t* values = values_.data();
+  const std::ptrdiff_t stride = region_.width;
+  for (int k = 0; k < count; ++k, u += du, v += dv) {
+    if (u < 0 || v < 0 || u >= right || v >= bottom) return k;
+    const std::int16_t* p = values + (v >> 16) * stride + (u >> 16);
+    const std::int64_t p0 = p[0], p1 = p[1], q0 = p[stride], q1 = p[stride + 1];
+    if (std::min(std::min(p0, p1), std::min(q0, q1)) == kBlocked) return k;
+    const std::int64_t x = u & 0xffff;
+    const std::int64_t upper = (p0 << 16) + (p1 - p0) * x;
+    const std::int64_t lower = (q0 << 16) + (q1 - q0) * x;
+    const std::int64_t value = (upper << 16) + (lower - upper) * (v & 0xffff);
+    to[k] = std::clamp(value, -limit, limit);
   }
-  const std::int16_t* p = values_.data() + index_of(i, j);
-  const std::int16_t* q = p + region_.width;
-  if (p[0] == kBlocked || p[1] == kBlocked || q[0] == kBlocked || q[1] == kBlocked) {
-    return std::numeric_limits<double>::quiet_NaN();
-  }
-  const double x = u - fu;
-  const double y = v - fv;
-  return ((p[0] * (1 - x) + p[1] * x) * (1 - y) + (q[0] * (1 - x) + q[1] * x) * y) / kScale;
+  return count;
 }
 
 }  // namespace vitreo::vision

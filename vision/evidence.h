@@ -21,6 +21,20 @@ struct RowSpan {
 };
 RowSpan row_of(const Ellipse& ellipse, int v);
 
+/// row_of() of one ellipse's rows: what they have in common is computed once.
+class EllipseRows {
+ public:
+  explicit EllipseRows(const Ellipse& ellipse);
+  RowSpan at(int v) const;
+
+ private:
+  double u_;
+  double v_;
+  double slope_;    // of the rows' middles
+  double half_;     // half the middle row
+  double falloff_;  // half row^2 = half_^2 - falloff_ dv^2
+};
+
 /// `ellipse` with both axes longer by `by_px`, which may be negative; no axis gets below 1 px.
 Ellipse grown(const Ellipse& ellipse, double by_px);
 
@@ -53,13 +67,17 @@ class Evidence {
            static_cast<std::size_t>(u - region_.x);
   }
   const std::vector<std::int16_t>& values() const { return values_; }  ///< by rows of the region
-  /// F between pixels, bilinear, or NaN where a pixel beside it is blocked or not in the region.
-  double between(double u, double v) const;
+  static constexpr int kMostAlong = 40;
+  static constexpr double kAlongScale = kScale * 4294967296.0;
+  /// F between pixels, bilinear, clamped to +-`most`, at `from`, `from` + `step`, ... (px), into
+  /// `to`, in units of 1 / kAlongScale. Returns how many of `count` (at most kMostAlong) were read
+  /// before the first beside which a pixel is blocked or not in the region. |step| at most 2 px.
+  int along(const Eigen::Vector2d& from, const Eigen::Vector2d& step, int count, double most,
+            std::int64_t* to) const;
 
  private:
-  void read_row(const cv::Mat& image, const EvidenceSource& source, int v);
-  void fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned,
-                unsigned char self);
+  void read_row(const cv::Mat& image, const EvidenceSource& source, const EllipseRows& gate, int v);
+  RowSpan fill_row(const EllipseRows& gate, int v, const cv::Mat& image);
   cv::Rect region_;
   cv::Size image_;
   std::vector<std::int16_t> values_;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 namespace vitreo::vision {
@@ -38,8 +39,7 @@ void LevelSet::reserve(int side_px) {
   const auto size =
       (static_cast<std::size_t>(side_px) + 2) * (static_cast<std::size_t>(side_px) + 2);
   phi_.reserve(size);
-  label_.reserve(size);
-  stack_.reserve(size);
+  runs_.reserve(size / 2);
 }
 
 // phi = -3 inside the ellipse, +3 elsewhere, then the two lists. Row by row between kMargin and the
@@ -54,8 +54,7 @@ void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
       static_cast<std::size_t>(region.width) * static_cast<std::size_t>(region.height);
   if (phi_.size() < size) {
     phi_.resize(size);
-    label_.resize(size);
-    stack_.reserve(size);
+    runs_.reserve(size / 2);
   }
   std::fill_n(phi_.begin(), size, std::int8_t{3});
   in_.clear();
@@ -67,8 +66,9 @@ void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
   const int left = region.x + Evidence::kMargin;
   const int right = region.x + region.width - Evidence::kMargin;
   const std::int16_t* f = evidence.values().data();
+  const EllipseRows rows(ellipse);
   for (int v = top; v < bottom; ++v) {
-    const RowSpan span = row_of(ellipse, v);
+    const RowSpan span = rows.at(v);
     const int from = static_cast<int>(evidence.index_of(std::clamp(span.first, left, right), v));
     const int to = static_cast<int>(evidence.index_of(std::clamp(span.end, left, right), v));
     for (int p = from; p < to; ++p) {
@@ -84,9 +84,9 @@ void LevelSet::list_front(int skip, int size) {
   const std::array<int, 4> around{-1, 1, -stride_, stride_};
   const int first = skip;
   const int end = size - skip;
-  for (int p = first; p < end; ++p) {
+  for (int p = next_inside(first, end); p < end; p = next_inside(p + 1, end)) {
     std::int8_t* phi = phi_.data() + p;
-    if (*phi > 0 || (phi[-1] < 0 && phi[1] < 0 && phi[-stride_] < 0 && phi[stride_] < 0)) continue;
+    if ((phi[-1] < 0 && phi[1] < 0 && phi[-stride_] < 0 && phi[stride_] < 0)) continue;
     *phi = -1;
     in_.push_back(p);
     for (const int d : around) {
@@ -247,54 +247,94 @@ void LevelSet::evolve_to_prior(const PlacedShape& prior) {
   }
 }
 
-// Flood fill (4-connected) of the part of the inside with `seed`: labels it, sums moments and F.
-// Sums are taken in coordinates of the region, exactly in integers, and moved to the image at the
-// end. No recursion: a part may be as large as the region.
-Segment LevelSet::flood(int seed, unsigned char label) {
+// The runs of the inside by rows, each joined with those of the row above that it touches
+// (4-connected, union-find). Nothing is inside the margin.
+void LevelSet::find_runs() {
+  const cv::Rect& region = evidence_->region();
+  runs_.clear();
+  std::size_t above = 0;  // first run of the row above
+  for (int v = Evidence::kMargin; v < region.height - Evidence::kMargin; ++v) {
+    const std::size_t row = runs_.size();
+    std::size_t k = above;
+    const int origin = v * stride_;
+    for (int p = next_inside(origin, origin + stride_); p < origin + stride_;) {
+      int end = p + 1;
+      while (phi_[static_cast<std::size_t>(end)] < 0) ++end;
+      const auto one = static_cast<int>(runs_.size());
+      runs_.push_back({p, end, one});
+      while (k < row && runs_[k].end <= p - stride_) ++k;
+      for (std::size_t j = k; j < row && runs_[j].first < end - stride_; ++j)
+        join(one, static_cast<int>(j));
+      p = next_inside(end, origin + stride_);
+    }
+    above = row;
+  }
+}
+
+// First pixel of [from, end) that is inside, or `end`; eight outside ones, of which phi is 1 or 3
+// and no sign bit is set, are passed at once.
+int LevelSet::next_inside(int from, int end) const {
+  const std::int8_t* phi = phi_.data();
+  for (; from + 8 <= end; from += 8) {
+    std::uint64_t eight = 0;
+    std::memcpy(&eight, phi + from, 8);
+    if ((eight & 0x8080808080808080U) != 0) break;
+  }
+  while (from < end && phi[from] > 0) ++from;
+  return from;
+}
+
+int LevelSet::root_of(int run) {
+  while (runs_[static_cast<std::size_t>(run)].root != run)
+    run = runs_[static_cast<std::size_t>(run)].root;
+  return run;
+}
+
+void LevelSet::join(int a, int b) {
+  a = root_of(a);
+  b = root_of(b);
+  runs_[static_cast<std::size_t>(std::max(a, b))].root = std::min(a, b);
+}
+
+// Area, moments and F of the part with the root `root`. Sums are taken in coordinates of the
+// region, exactly in integers, and moved to the image at the end.
+Segment LevelSet::segment_of(int root) {
   MomentSums sums;
   std::int64_t evidence = 0;
   const std::int16_t* f = evidence_->values().data();
-  stack_.assign(1, seed);
-  label_[static_cast<std::size_t>(seed)] = label;
-  while (!stack_.empty()) {
-    const int p = stack_.back();
-    stack_.pop_back();
-    sums.add(p % stride_, p / stride_);
-    evidence += f[p];
-    for (const int d : {-1, 1, -stride_, stride_}) {
-      const auto q = static_cast<std::size_t>(p + d);
-      if (phi_[q] > 0 || label_[q] != 0) continue;
-      label_[q] = label;
-      stack_.push_back(p + d);
-    }
+  for (const Run& run : runs_) {
+    if (run.root != root) continue;
+    const int v = run.first / stride_;
+    sums.add_run(run.first - v * stride_, run.end - v * stride_, v);
+    std::int32_t of_run = 0;
+    for (int p = run.first; p < run.end; ++p) of_run += f[p];
+    evidence += of_run;
   }
   const cv::Rect& region = evidence_->region();
   return {static_cast<double>(sums.count), sums.ellipse({region.x, region.y}),
           static_cast<double>(evidence) / static_cast<double>(sums.count) / Evidence::kScale};
 }
 
-// Every part of the inside has points in L_in, so the list seeds the flood fills.
 // The area is 0 when nothing is inside.
 Segment LevelSet::keep_largest() {
-  const auto size =
-      static_cast<std::size_t>(stride_) * static_cast<std::size_t>(evidence_->region().height);
-  std::fill_n(label_.begin(), size, static_cast<unsigned char>(0));
-  Segment best;
-  unsigned char label = 0, best_label = 0;
-  for (const int p : in_) {
-    if (label_[static_cast<std::size_t>(p)] != 0) continue;
-    // The labels are bytes. Of 254 parts and more, none is a body.
-    if (++label == 255) break;
-    const Segment part = flood(p, label);
-    if (part.area_px <= best.area_px) continue;
-    best = part;
-    best_label = label;
+  find_runs();
+  int parts = 0;
+  for (std::size_t k = 0; k < runs_.size(); ++k) {
+    Run& run = runs_[k];
+    run.root = root_of(static_cast<int>(k));
+    parts += run.root == static_cast<int>(k);
+    runs_[static_cast<std::size_t>(run.root)].area += run.end - run.first;
   }
+  if (parts == 0) return {};
+  const auto largest = std::max_element(runs_.begin(), runs_.end(),
+                                        [](const Run& a, const Run& b) { return a.area < b.area; });
+  const auto root = static_cast<int>(largest - runs_.begin());
+  Segment best = segment_of(root);
   // The other parts become outside, which leaves points of L_out without an inside neighbor.
-  if (label < 2) return best;
-  for (std::size_t p = 0; p < size; ++p) {
-    if (phi_[p] < 0 && label_[p] != best_label) phi_[p] = 3;
-  }
+  if (parts == 1) return best;
+  for (const Run& run : runs_)
+    if (run.root != root)
+      std::fill(phi_.begin() + run.first, phi_.begin() + run.end, std::int8_t{3});
   std::erase_if(in_, [&](int p) { return phi_[static_cast<std::size_t>(p)] > 0; });
   clean(out_, 1);
   return best;

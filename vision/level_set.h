@@ -44,7 +44,7 @@ class LevelSet {
   /// phi from `ellipse`, on the evidence's region. Blocked pixels stay outside. `evidence` must
   /// outlive what follows.
   void start(const Evidence& evidence, const Ellipse& ellipse);
-  /// Cycles one and two.
+  /// Cycles one and two, the thresholds rounded to the steps of F (Evidence::kScale a unit).
   void evolve(const Thresholds& thresholds);
   /// Cycle three: table 8.1 line by line.
   void evolve_to_prior(const PlacedShape& prior);
@@ -60,6 +60,14 @@ class LevelSet {
 
  private:
   using List = std::vector<int>;
+  // Pixels [first, end) of one row that are inside; `root`: the part's first run, which has its
+  // area, px.
+  struct Run {
+    int first;
+    int end;
+    int root;
+    int area = 0;
+  };
   void list_front(int skip, int size);
   bool cycle_one(const Thresholds& thresholds);
   void cycle_two();
@@ -67,7 +75,11 @@ class LevelSet {
   void switch_in();
   void switch_out();
   void clean(List& list, int sign);
-  Segment flood(int seed, unsigned char label);
+  void find_runs();
+  int next_inside(int from, int end) const;
+  int root_of(int run);
+  void join(int a, int b);
+  Segment segment_of(int root);
 
   LevelSetSettings settings_;
   const Evidence* evidence_ = nullptr;
@@ -75,13 +87,12 @@ class LevelSet {
   bool leaked_ = false;
   int iterations_ = 0;
   std::vector<std::int8_t> phi_;
-  std::vector<unsigned char> label_;
   std::vector<unsigned char> flag_;
   List in_;
   List out_;
   List kept_;
   List added_;
-  List stack_;
+  std::vector<Run> runs_;
 };
 
 }  // namespace vitreo::vision

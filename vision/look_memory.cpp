@@ -25,9 +25,30 @@ constexpr double kMostFactor = 400;
 constexpr double kFewestOthers = 30;  // for which their density stands
 constexpr int kMostLooks = 20000;     // of a file
 
-double kernel(double d2) {
-  constexpr double kTwice = 2 * kBandwidth * kBandwidth;
-  return d2 < 4.5 * kTwice ? std::exp(-d2 / kTwice) : 0;
+// exp(-d2 / (2 bandwidth^2)) up to three deviations, by linear interpolation in a table: 2e-6 off
+// at most, and a frame asks for hundreds.
+class Kernel {
+ public:
+  Kernel() {
+    for (std::size_t k = 0; k < values_.size(); ++k)
+      values_[k] = static_cast<float>(std::exp(-kMost * static_cast<double>(k) / kSteps));
+  }
+  float operator()(float d2) const {
+    const float at = d2 * static_cast<float>(kSteps / (kMost * 2 * kBandwidth * kBandwidth));
+    if (!(at < kSteps)) return 0;
+    const auto k = static_cast<std::size_t>(at);
+    return values_[k] + (at - static_cast<float>(k)) * (values_[k + 1] - values_[k]);
+  }
+
+ private:
+  static constexpr double kMost = 4.5;
+  static constexpr int kSteps = 1024;
+  std::array<float, kSteps + 1> values_{};
+};
+
+const Kernel& kernel() {
+  static const Kernel kTable;
+  return kTable;
 }
 
 // Squared errors of neighbors. factor(): the mean of the nearest over what it should be, or what
@@ -62,6 +83,11 @@ void LookMemory::Looks::add(const LookFeatures& look) {
   for (std::size_t f = 0; f < look.size(); ++f) columns[f].push_back(look[f]);
 }
 
+void LookMemory::Looks::append(const Looks& other) {
+  for (std::size_t f = 0; f < columns.size(); ++f)
+    columns[f].insert(columns[f].end(), other.columns[f].begin(), other.columns[f].end());
+}
+
 LookFeatures LookMemory::Looks::at(std::size_t k) const {
   LookFeatures look;
   for (std::size_t f = 0; f < look.size(); ++f) look[f] = columns[f][k];
@@ -82,22 +108,24 @@ void LookMemory::squared_distances(const Looks& looks, const LookFeatures& from,
 // How many of the looks were at that size, by the kernel of the densities in it alone: densities
 // are those among looks of one size, of which a training has more at its own than at others.
 double LookMemory::count_of_size(const Looks& looks, const LookFeatures& look) {
+  const Kernel& kernel_of = kernel();
   double count = 0;
-  for (const float size : looks.columns.back()) {
-    const double away = static_cast<double>(size - look.back());
-    count += std::abs(away) < 0.01 ? 1 : kernel(away * away);
+  for (const float size : looks.columns[kSizeFeature]) {
+    const float away = size - look[kSizeFeature];
+    count += std::abs(away) < 0.01F ? 1 : kernel_of(away * away);
   }
   return count;
 }
 
 // Density of the looks at anything else: Gaussian kernels (Parzen).
 double LookMemory::density_of(const Looks& looks, const LookFeatures& look) {
+  const Kernel& kernel_of = kernel();
   std::array<float, kBlock> squared{};
   double sum = 0;
   for (std::size_t first = 0; first < looks.size(); first += kBlock) {
     const std::size_t count = std::min(kBlock, looks.size() - first);
     squared_distances(looks, look, first, count, squared.data());
-    for (std::size_t k = 0; k < count; ++k) sum += kernel(static_cast<double>(squared[k]));
+    for (std::size_t k = 0; k < count; ++k) sum += kernel_of(squared[k]);
   }
   return sum / std::max(count_of_size(looks, look), kFewestOthers);
 }
@@ -110,6 +138,13 @@ void LookMemory::add_object(const LookFeatures& look, double center, double shap
 
 void LookMemory::add_other(const LookFeatures& look) { others_.add(look); }
 
+void LookMemory::append(const LookMemory& other) {
+  objects_.append(other.objects_);
+  center_.insert(center_.end(), other.center_.begin(), other.center_.end());
+  shape_.insert(shape_.end(), other.shape_.begin(), other.shape_.end());
+  others_.append(other.others_);
+}
+
 // k nearest neighbors for the errors, Parzen densities (Gaussian kernels) for the likeness. A look
 // farther from all neighbors than the bandwidth is unlike anything in memory: its errors grow with
 // the distance.
@@ -117,31 +152,34 @@ LookWorth LookMemory::worth(const LookFeatures& look) const {
   LookWorth result;
   if (empty()) return result;
   struct Near {
-    double distance = 1e30;
-    std::size_t object = 0;
+    float distance = 1e30F;
+    std::uint32_t object = 0;
+    bool operator<(const Near& other) const { return distance < other.distance; }
   };
-  std::array<Near, kNeighbors> near;  // sorted by insertion; on the stack: nothing is allocated
+  std::array<Near, kNeighbors> near;  // a heap, the farthest first; on the stack, not allocated
+  const Kernel& kernel_of = kernel();
   std::array<float, kBlock> squared{};
   double like = 0;
   for (std::size_t first = 0; first < objects_.size(); first += kBlock) {
     const std::size_t count = std::min(kBlock, objects_.size() - first);
     squared_distances(objects_, look, first, count, squared.data());
     for (std::size_t k = 0; k < count; ++k) {
-      const double d2 = static_cast<double>(squared[k]);
-      like += kernel(d2);
-      if (d2 >= near.back().distance) continue;
-      std::size_t at = kNeighbors - 1;
-      for (; at > 0 && near[at - 1].distance > d2; --at) near[at] = near[at - 1];
-      near[at] = {d2, first + k};
+      like += kernel_of(squared[k]);
+      if (squared[k] >= near.front().distance) continue;
+      std::pop_heap(near.begin(), near.end());
+      near.back() = {squared[k], static_cast<std::uint32_t>(first + k)};
+      std::push_heap(near.begin(), near.end());
     }
   }
+  std::sort_heap(near.begin(), near.end());
   Errors center;
   Errors shape;
   for (std::size_t k = 0; k < std::min(near.size(), objects_.size()); ++k) {
     center.add(static_cast<double>(center_[near[k].object]), k < kNearest);
     shape.add(static_cast<double>(shape_[near[k].object]), k < kNearest);
   }
-  const double strange = std::max(1.0, near.front().distance / (4 * kBandwidth * kBandwidth));
+  const double strange =
+      std::max(1.0, static_cast<double>(near.front().distance) / (4 * kBandwidth * kBandwidth));
   result.center = strange * center.factor(kCenterMean);
   result.shape = strange * shape.factor(kShapeMean);
   result.likeness = std::log((like / std::max(count_of_size(objects_, look), 1.0) + kLeastDensity) /

@@ -14,7 +14,8 @@ namespace vitreo::vision {
 
 /// What a look says of itself, each in units in which a difference of one is a large one; filled by
 /// features_of() (object_view.h).
-constexpr int kLookFeatures = 10;
+constexpr int kLookFeatures = 11;
+constexpr std::size_t kSizeFeature = 9;  ///< the object's size, among looks of which densities are
 using LookFeatures = std::array<float, kLookFeatures>;
 
 /// Worth of a look, by those in memory that were like it.
@@ -33,6 +34,8 @@ class LookMemory {
   void add_object(const LookFeatures& look, double center, double shape);
   /// A look at anatomy, or one gone astray.
   void add_other(const LookFeatures& look);
+  /// All looks of another memory, after its own.
+  void append(const LookMemory& other);
   LookWorth worth(const LookFeatures& look) const;
   /// Nothing is known: worth() is then a factor of one and no likeness.
   bool empty() const { return objects_.size() == 0; }
@@ -49,6 +52,7 @@ class LookMemory {
     std::array<std::vector<float>, kLookFeatures> columns;
     std::size_t size() const { return columns[0].size(); }
     void add(const LookFeatures& look);
+    void append(const Looks& other);
     LookFeatures at(std::size_t k) const;
   };
   static constexpr std::size_t kBlock = 128;  // looks whose distances are computed at once

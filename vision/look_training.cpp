@@ -251,15 +251,23 @@ std::vector<KnownObject> some_of(std::span<const KnownObject> images) {
   return chosen;
 }
 
-LookMemory memory_of(const ObjectModel& model, std::span<const KnownObject> images,
-                     const ObjectViewSettings& view, int part) {
+// What each image teaches, by itself: no lesson depends on another's.
+std::vector<LookMemory> lessons_of(const ObjectModel& model, std::span<const KnownObject> images,
+                                   const ObjectViewSettings& view) {
   Lessons lessons(model, view);
-  LookMemory memory;
+  std::vector<LookMemory> memories(images.size());
   for (std::size_t k = 0; k < images.size(); ++k) {
-    if (part >= 0 && static_cast<int>(k % 2) == part) continue;  // left for the audit
-    lessons.at_object(memory, images[k], k);
-    lessons.at_anatomy(memory, images[k], k);
+    lessons.at_object(memories[k], images[k], k);
+    lessons.at_anatomy(memories[k], images[k], k);
   }
+  return memories;
+}
+
+// Of all images, or without every second one from `left_out`, which are for the audit.
+LookMemory memory_of(std::span<const LookMemory> memories, int left_out = -1) {
+  LookMemory memory;
+  for (std::size_t k = 0; k < memories.size(); ++k)
+    if (left_out < 0 || static_cast<int>(k % 2) != left_out) memory.append(memories[k]);
   return memory;
 }
 
@@ -270,10 +278,10 @@ void count(FalseBelief::Asked& asked, const Track& track) {
 
 // Each half is asked by a tracker that knows the anatomy of the other half alone.
 FalseBelief audit_of(ObjectModel model, std::span<const KnownObject> images,
-                     const ObjectViewSettings& view) {
+                     std::span<const LookMemory> memories, const ObjectViewSettings& view) {
   FalseBelief audit;
   for (const int part : {0, 1}) {
-    if (images.size() > 1) model.looks = memory_of(model, images, view, part);
+    if (images.size() > 1) model.looks = memory_of(memories, part);
     ColorTrackerSettings settings;
     settings.view = view;
     settings.confirm_frames = 1;
@@ -307,8 +315,9 @@ FalseBelief audit_of(ObjectModel model, std::span<const KnownObject> images,
 void learn_looks(ObjectModel& model, std::span<const KnownObject> images,
                  const ObjectViewSettings& view) {
   const std::vector<KnownObject> chosen = some_of(images);
-  model.audit = audit_of(model, chosen, view);
-  model.looks = memory_of(model, chosen, view, -1);
+  const std::vector<LookMemory> memories = lessons_of(model, chosen, view);
+  model.audit = audit_of(model, chosen, memories, view);
+  model.looks = memory_of(memories);
 }
 
 }  // namespace vitreo::vision

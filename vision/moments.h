@@ -23,6 +23,15 @@ struct MomentSums {
     ++count;
     u += x, v += y, uu += x * x, uv += x * y, vv += y * y;
   }
+  /// The pixels [first, end) of row `y`, by sums of powers in closed form.
+  void add_run(std::int64_t first, std::int64_t end, std::int64_t y) {
+    const std::int64_t n = end - first;
+    const std::int64_t sum = (first + end - 1) * n / 2;
+    // sum of k^2 below m: (m - 1) m (2 m - 1) / 6
+    const auto squares = [](std::int64_t m) { return (m - 1) * m * (2 * m - 1) / 6; };
+    count += n;
+    u += sum, v += n * y, uu += squares(end) - squares(first), uv += sum * y, vv += n * y * y;
+  }
   /// Of pixels counted from `origin`, each `pitch` wide. A uniform ellipse has the variance a^2 / 4
   /// along its semi-axis a, so a semi-axis is twice the standard deviation along it; axes and angle
   /// are the eigensystem of the 2 x 2 covariance in closed form.

@@ -10,8 +10,9 @@ namespace vitreo::vision {
 namespace {
 
 constexpr std::string_view kObjectMagic = "VTOM";
-constexpr std::uint32_t kObjectVersion = 5;
+constexpr std::uint32_t kObjectVersion = 6;
 constexpr int kFeaturesBefore4 = 9;
+constexpr int kFeaturesBefore6 = 10;
 constexpr int kMostAsked = 1000000;
 
 void save_calibration(ByteWriter& out, const Calibration& calibration) {
@@ -84,12 +85,19 @@ void save_part(ByteWriter& out, const std::string& part) {
   out.text(part);
 }
 
+// Of a look in the memory of a file.
+int features_in(std::uint32_t version) {
+  if (version < 4) return kFeaturesBefore4;
+  return version < 6 ? kFeaturesBefore6 : kLookFeatures;
+}
+
 }  // namespace
 
-// Format "VTOM", version 5: image size, mean axes, both calibrations, then color and shape model,
+// Format "VTOM", version 6: image size, mean axes, both calibrations, then color and shape model,
 // each with its length, then the look memory and the audit, which version 1 does not have, then the
 // light, which version 2 does not have either. Before version 4 looks had no size, the audit asked
-// for the trained size alone, and there was no head model; before version 5 no network.
+// for the trained size alone, and there was no head model; before version 5 no network,
+// before version 6 looks had no unevenness.
 std::string ObjectModel::save() const {
   ByteWriter out;
   out.text(kObjectMagic);
@@ -115,7 +123,7 @@ std::string ObjectModel::save() const {
 // bounds.
 ObjectModel ObjectModel::load(std::string_view bytes) {
   std::uint32_t version = kObjectVersion;
-  if (bytes.size() > 4 && bytes[4] >= 1 && bytes[4] <= 4)
+  if (bytes.size() > 4 && bytes[4] >= 1 && bytes[4] < static_cast<int>(kObjectVersion))
     version = static_cast<std::uint32_t>(bytes[4]);
   ByteReader in(bytes, kObjectMagic, version, "object model");
   ObjectModel model;
@@ -127,7 +135,7 @@ ObjectModel ObjectModel::load(std::string_view bytes) {
   model.color = ColorModel::load(in.text(in.u32()));
   model.shape = ShapeModel::load(in.text(in.u32()));
   if (version > 1) {
-    model.looks = LookMemory::load(in, version > 3 ? kLookFeatures : kFeaturesBefore4);
+    model.looks = LookMemory::load(in, features_in(version));
     model.audit = load_audit(in, version);
   }
   if (version > 2) model.light = load_light(in);

@@ -13,6 +13,7 @@ namespace {
 // Bound of |F|: a highlight must not outweigh a body.
 constexpr int kMostTableF = static_cast<int>(2.5 * ColorModel::kScale);
 constexpr int kLeastStep = 2;         // px of a cell
+constexpr int kTwoPixels = 4;         // px of a cell from which two of its pixels are read
 constexpr double kFullBox = 0.35;     // mean F over kMostTableF of a box that may be the object
 constexpr double kFarPenalty = 0.15;  // of a full box's score at one image width's distance
 
@@ -30,69 +31,101 @@ void ObjectSearch::set_size(const Eigen::Vector2d& semi_axes_px) {
   size_.semi_minor_px = semi_axes_px.y();
   step_ = std::clamp(static_cast<int>(size_.semi_minor_px / 3.5), kLeastStep, 8);
   half_ = std::max(static_cast<int>(std::lround(0.7 * size_.semi_minor_px / step_)), 1);
+  second_ = step_ >= kTwoPixels ? step_ / 2 : 0;
 }
 
 // F of every cell and its integral image (Crow 1984).
-// Pixels of other objects count as the surest ground, so that no box covers them.
+// Two pixels of each cell: half the variance of one; of the smallest cells, of which a box has
+// many, one. Pixels of other objects count as the surest ground, so that no box covers them.
 void ObjectSearch::read(const cv::Mat& image, const EvidenceSource& source, const cv::Mat& owned,
                         unsigned char self) {
-  const int second = step_ / 2;  // two pixels of each cell: half the variance of one
+  const std::int8_t* first = pixels_[0].data();
+  const std::int8_t* second = second_ > 0 ? pixels_[1].data() : first;
   for (int j = 0; j < rows_; ++j) {
     source.read(image, j * step_, 0, step_, columns_, pixels_[0].data());
-    source.read(image, j * step_ + second, second, step_, columns_, pixels_[1].data());
+    if (second_ > 0)
+      source.read(image, j * step_ + second_, second_, step_, columns_, pixels_[1].data());
     std::int16_t* to = f_.data() + static_cast<std::ptrdiff_t>(j) * columns_;
+    for (int i = 0; i < columns_; ++i)
+      to[i] = static_cast<std::int16_t>(
+          std::clamp((first[i] + second[i]) / 2, -kMostTableF, kMostTableF));
+    if (!owned.empty()) {
+      const auto* owner = owned.ptr<unsigned char>(j * step_);
+      for (int i = 0; i < columns_; ++i)
+        if (owner[i * step_] != 0 && owner[i * step_] != self)
+          to[i] = static_cast<std::int16_t>(-kMostTableF);
+    }
     const std::int32_t* above = sums_.data() + static_cast<std::ptrdiff_t>(j) * (columns_ + 1);
     std::int32_t* sum = sums_.data() + static_cast<std::ptrdiff_t>(j + 1) * (columns_ + 1);
-    const unsigned char* owner = owned.empty() ? nullptr : owned.ptr<unsigned char>(j * step_);
     std::int32_t row = 0;
     sum[0] = 0;
     for (int i = 0; i < columns_; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      int value = (pixels_[0][k] + pixels_[1][k]) / 2;
-      if (owner != nullptr && owner[i * step_] != 0 && owner[i * step_] != self)
-        value = -kMostTableF;
-      value = std::clamp(value, -kMostTableF, kMostTableF);
-      to[i] = static_cast<std::int16_t>(value);
-      row += value;
+      row += to[i];
       sum[i + 1] = above[i + 1] + row;
     }
   }
 }
 
-// Sum of F over the box around a cell, cut to the image: four corners of the integral image.
+// Sums of F over the boxes around the cells of row j, cut to the image, into boxes_: four corners
+// of the integral image each.
 // A box cut by the border has fewer cells and so a lower score: bodies half out of the image come
 // last.
-int ObjectSearch::box(int i, int j) const {
-  const int i0 = std::max(i - half_, 0);
-  const int i1 = std::min(i + half_ + 1, columns_);
-  const int j0 = std::max(j - half_, 0);
-  const int j1 = std::min(j + half_ + 1, rows_);
-  const auto at = [&](int x, int y) {
-    return sums_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_ + 1) +
-                 static_cast<std::size_t>(x)];
+void ObjectSearch::sum_boxes(int j) {
+  const std::ptrdiff_t stride = columns_ + 1;
+  const std::int32_t* top = sums_.data() + std::max(j - half_, 0) * stride;
+  const std::int32_t* bottom = sums_.data() + std::min(j + half_ + 1, rows_) * stride;
+  const auto cut = [&](int i) {
+    const int left = std::max(i - half_, 0);
+    const int right = std::min(i + half_ + 1, columns_);
+    return bottom[right] - top[right] - bottom[left] + top[left];
   };
-  return at(i1, j1) - at(i0, j1) - at(i1, j0) + at(i0, j0);
+  const int inner = std::min(half_, columns_);
+  const int end = std::max(columns_ - half_, inner);
+  std::int32_t* to = boxes_.data();
+  for (int i = 0; i < inner; ++i) to[i] = cut(i);
+  const std::int32_t* right_top = top + half_ + 1;
+  const std::int32_t* right_bottom = bottom + half_ + 1;
+  const std::int32_t* left_top = top - half_;
+  const std::int32_t* left_bottom = bottom - half_;
+  for (int i = inner; i < end; ++i)
+    to[i] = right_bottom[i] - right_top[i] - left_bottom[i] + left_top[i];
+  for (int i = end; i < columns_; ++i) to[i] = cut(i);
 }
 
 // Mean F of each box over kMostTableF, less a penalty that grows with the distance from `near_px`;
-// -1 for a box that cannot be the object.
+// -1 for a box that cannot be the object. And the best of each row.
 // So of two equal boxes the one nearer to the last position, or to the middle of the image, is
 // tried first.
 void ObjectSearch::score(const Eigen::Vector2d& near_px) {
   const int side = 2 * half_ + 1;
   const float per_box = 1.0F / static_cast<float>(side * side * kMostTableF);
   const float per_px = static_cast<float>(kFarPenalty) / static_cast<float>(columns_ * step_);
+  const auto least = static_cast<std::int32_t>(kFullBox * side * side * kMostTableF);
+  std::fill(score_.begin(), score_.end(), -1.0F);
   for (int j = 0; j < rows_; ++j) {
+    sum_boxes(j);
+    float* to = score_.data() + static_cast<std::ptrdiff_t>(j) * columns_;
+    float best = -1;
     for (int i = 0; i < columns_; ++i) {
-      const float full = static_cast<float>(box(i, j)) * per_box;
-      float& score = score_[static_cast<std::size_t>(j) * static_cast<std::size_t>(columns_) +
-                            static_cast<std::size_t>(i)];
-      score = -1;
+      if (boxes_[static_cast<std::size_t>(i)] < least) continue;
+      const float full = static_cast<float>(boxes_[static_cast<std::size_t>(i)]) * per_box;
       if (full < static_cast<float>(kFullBox)) continue;
       const float du = static_cast<float>(i * step_ - near_px.x());
       const float dv = static_cast<float>(j * step_ - near_px.y());
-      score = full - per_px * std::sqrt(du * du + dv * dv);
+      to[i] = full - per_px * std::sqrt(du * du + dv * dv);
+      best = std::max(best, to[i]);
     }
+    best_[static_cast<std::size_t>(j)] = best;
+  }
+}
+
+// Non-maximum suppression within `away` cells.
+void ObjectSearch::suppress(int i, int j, int away) {
+  for (int y = std::max(j - away, 0); y < std::min(j + away + 1, rows_); ++y) {
+    const auto row = score_.begin() + static_cast<std::ptrdiff_t>(y) * columns_;
+    std::fill(row + std::max(i - away, 0), row + std::min(i + away + 1, columns_), -1.0F);
+    if (best_[static_cast<std::size_t>(y)] > -1)
+      best_[static_cast<std::size_t>(y)] = *std::max_element(row, row + columns_);
   }
 }
 
@@ -107,8 +140,9 @@ Ellipse ObjectSearch::settle(int i, int j) const {
     const Ellipse disc{at.center_px, reach, reach, 0};
     const int top = std::max(static_cast<int>(at.center_px.y() - reach), 0);
     const int bottom = std::min(static_cast<int>(at.center_px.y() + reach) + 1, rows_);
+    const EllipseRows rows(disc);
     for (int y = top; y < bottom; ++y) {
-      const RowSpan span = row_of(disc, y);
+      const RowSpan span = rows.at(y);
       for (int x = std::max(span.first, 0); x < std::min(span.end, columns_); ++x) {
         if (f_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_) +
                static_cast<std::size_t>(x)] > 0)
@@ -118,8 +152,8 @@ Ellipse ObjectSearch::settle(int i, int j) const {
     if (sums.count == 0) break;
     at = sums.ellipse({0, 0});
   }
-  // The mean of a cell's two pixels lies step / 4 beside the first, in u and v.
-  const Eigen::Vector2d middle = Eigen::Vector2d::Constant(step_ / 4.0);
+  // The mean of a cell's two pixels lies between them, in u and v.
+  const Eigen::Vector2d middle = Eigen::Vector2d::Constant(second_ / 2.0);
   return {at.center_px * step_ + middle, size_.semi_major_px, size_.semi_minor_px, at.angle};
 }
 
@@ -141,27 +175,26 @@ const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, EvidenceSou
   f_.reserve(columns * rows);
   score_.reserve(columns * rows);
   sums_.reserve((columns + 1) * (rows + 1));
+  boxes_.reserve(columns);
+  best_.reserve(rows);
   const auto cells = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
   f_.resize(cells);
   score_.resize(cells);
+  boxes_.resize(static_cast<std::size_t>(columns_));
+  best_.resize(static_cast<std::size_t>(rows_));
   sums_.resize(cells + static_cast<std::size_t>(columns_ + rows_ + 1));
   std::fill_n(sums_.begin(), static_cast<std::size_t>(columns_) + 1, 0);
   source.prepare(image, {{0, 0}, image.size()});
   read(image, source, owned, self);
   score(near_px);
   for (int k = 0; k < std::min(most, 16); ++k) {
-    const auto best = std::max_element(score_.begin(), score_.end());
+    const auto best = std::max_element(best_.begin(), best_.end());
     if (!(*best > -1)) break;
-    const int at = static_cast<int>(best - score_.begin());
-    const int i = at % columns_;
-    const int j = at / columns_;
+    const int j = static_cast<int>(best - best_.begin());
+    const auto row = score_.begin() + static_cast<std::ptrdiff_t>(j) * columns_;
+    const int i = static_cast<int>(std::find(row, row + columns_, *best) - row);
     found_.push_back(settle(i, j));
-    // Non-maximum suppression within one semi-major axis.
-    const int away = static_cast<int>(size_.semi_major_px / step_) + 1;
-    for (int y = std::max(j - away, 0); y < std::min(j + away + 1, rows_); ++y) {
-      const auto row = score_.begin() + static_cast<std::ptrdiff_t>(y) * columns_;
-      std::fill(row + std::max(i - away, 0), row + std::min(i + away + 1, columns_), -1.0F);
-    }
+    suppress(i, j, static_cast<int>(size_.semi_major_px / step_) + 1);
   }
   return found_;
 }

@@ -33,18 +33,22 @@ class ObjectSearch {
  private:
   void read(const cv::Mat& image, const EvidenceSource& source, const cv::Mat& owned,
             unsigned char self);
-  int box(int i, int j) const;
+  void sum_boxes(int j);
   void score(const Eigen::Vector2d& near_px);
+  void suppress(int i, int j, int away);
   Ellipse settle(int i, int j) const;
   int step_ = 0;
   int half_ = 0;
-  Ellipse size_;  // px
+  int second_ = 0;  // px from a cell's first pixel to its second, right and down; 0: one is read
+  Ellipse size_;    // px
   int columns_ = 0;
   int rows_ = 0;
   std::array<std::vector<std::int8_t>, 2> pixels_;  // two of each cell of one row
   std::vector<std::int16_t> f_;                     // of each cell, ColorModel::kScale F, clamped
   std::vector<std::int32_t> sums_;                  // integral image, one row and column more
+  std::vector<std::int32_t> boxes_;                 // of one row
   std::vector<float> score_;
+  std::vector<float> best_;  // score of each row
   std::vector<Ellipse> found_;
 };
 

@@ -28,6 +28,7 @@ struct Observation {
   double support = 0;   ///< share of the measured ellipse's pixels with F > 0 that are not blocked
   double against = 0;   ///< share of them that are clearly the ground's
   double evidence = 0;  ///< mean F of them, each within +-4
+  double unevenness_px = 0;  ///< RadialRim::unevenness_px
   bool leaked = false;
   int iterations = 0;
 };

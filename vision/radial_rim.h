@@ -29,12 +29,17 @@ class RadialRim {
   /// rim.
   std::optional<EllipseMeasurement> measure(const Evidence& evidence, const Ellipse& start,
                                             const EllipsePrior& prior);
+  /// Of the last measure(): interquartile range of the softness of the rim's steps. A shadow at one
+  /// side makes a rim uneven; blur of the whole image does not.
+  double unevenness_px() const { return unevenness_px_; }
 
  private:
   void cut(const Evidence& evidence, Normal& normal, double depth_px) const;
+  void weigh_by_softness();
   RadialRimSettings settings_;
   std::vector<Normal> normals_;
   std::vector<double> steps_;
+  double unevenness_px_ = 0;
 };
 
 }  // namespace vitreo::vision

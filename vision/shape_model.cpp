@@ -17,6 +17,7 @@ namespace {
 
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
+using RowMajor8 = Eigen::Matrix<double, 8, 8, Eigen::RowMajor>;
 using ShapeSample = ShapeModel::Sample;
 
 constexpr std::string_view kShapeMagic = "VTSM";
@@ -25,44 +26,63 @@ constexpr int kShapeGrid = ShapeModel::kGrid;
 constexpr std::size_t kSamples = static_cast<std::size_t>(kShapeGrid) * kShapeGrid;
 constexpr double kPerUnit =
     (kShapeGrid - 1) / (2 * ShapeModel::kReach);  // grid steps per unit of scale
+constexpr double kMostWeight = 3;                 // standard deviations of a mode
 constexpr double kPointSigma = 0.7;               // px: a front pixel's distance to the true rim
 
-// Values of mean and modes at a position of the grid, and their derivatives per unit of scale.
+// Values of mean and modes at a position of the grid, and their derivatives per grid step; as wide
+// as a sample, so that a compiler makes vectors of them.
 struct ModeValues {
-  std::array<float, 5> value;
-  std::array<float, 5> by_x;
-  std::array<float, 5> by_y;
+  ShapeSample value;
+  ShapeSample by_x;
+  ShapeSample by_y;
+};
+
+// Between which samples a position lies, and where.
+struct GridPlace {
+  std::size_t sample;
+  float x;
+  float y;
 };
 
 // Bilinear in the grid; x, y in units of the scale. Outside of the grid, the values at its border.
 // Clamped: far outside of the shape only the sign of the distance counts.
-ModeValues interpolate(const std::vector<ShapeSample>& samples, double x, double y) {
+GridPlace grid_place(double x, double y) {
   const double gx = std::clamp((x + ShapeModel::kReach) * kPerUnit, 0.0, kShapeGrid - 1.001);
   const double gy = std::clamp((y + ShapeModel::kReach) * kPerUnit, 0.0, kShapeGrid - 1.001);
   const auto i = static_cast<std::size_t>(gx);
   const auto j = static_cast<std::size_t>(gy);
-  const auto fx = static_cast<float>(gx - static_cast<double>(i));
-  const auto fy = static_cast<float>(gy - static_cast<double>(j));
-  const ShapeSample* p = &samples[j * kShapeGrid + i];
+  return {j * kShapeGrid + i, static_cast<float>(gx - static_cast<double>(i)),
+          static_cast<float>(gy - static_cast<double>(j))};
+}
+
+ModeValues interpolate(const std::vector<ShapeSample>& samples, const GridPlace& place) {
+  const ShapeSample* p = &samples[place.sample];
   const ShapeSample* q = p + kShapeGrid;
   ModeValues at;
-  for (std::size_t k = 0; k < 5; ++k) {
-    const float top = p[0][k] + fx * (p[1][k] - p[0][k]);
-    const float bottom = q[0][k] + fx * (q[1][k] - q[0][k]);
-    at.value[k] = top + fy * (bottom - top);
-    at.by_y[k] = (bottom - top) * static_cast<float>(kPerUnit);
-    at.by_x[k] =
-        ((1 - fy) * (p[1][k] - p[0][k]) + fy * (q[1][k] - q[0][k])) * static_cast<float>(kPerUnit);
+  for (std::size_t k = 0; k < at.value.size(); ++k) {
+    const float upper = p[1][k] - p[0][k];
+    const float lower = q[1][k] - q[0][k];
+    const float top = p[0][k] + place.x * upper;
+    const float bottom = q[0][k] + place.x * lower;
+    at.by_y[k] = bottom - top;
+    at.by_x[k] = upper + place.y * (lower - upper);
+    at.value[k] = top + place.y * at.by_y[k];
   }
   return at;
 }
 
-// (8.3): mean + sum a_i v_i, the modes in units of their standard deviations.
-double weighted_sum(const std::array<float, 5>& values,
-                    const std::array<double, kMaxModes>& weights) {
-  double sum = values[0];
-  for (std::size_t k = 0; k < kMaxModes; ++k) sum += weights[k] * values[k + 1];
-  return sum;
+// One for the mean, then the weights, as (8.3) has them: mean + sum a_i v_i, the modes in units of
+// their standard deviations.
+ShapeSample factors_of(const std::array<double, kMaxModes>& weights) {
+  ShapeSample factors{1};
+  for (std::size_t k = 0; k < kMaxModes; ++k) factors[k + 1] = static_cast<float>(weights[k]);
+  return factors;
+}
+
+float weighted_sum(const ShapeSample& values, const ShapeSample& factors) {
+  return ((values[0] + values[1] * factors[1]) +
+          (values[2] * factors[2] + values[3] * factors[3])) +
+         values[4] * factors[4];
 }
 
 // Signed distance of a mask to its rim, px, negative inside.
@@ -138,8 +158,8 @@ Eigen::MatrixXd registered_shapes(std::span<const cv::Mat> masks) {
 }
 
 struct ShapeEquations {
-  Matrix8 matrix = Matrix8::Zero();
-  Vector8 right = Vector8::Zero();
+  std::array<std::array<double, 8>, 8> matrix{};  // the lower half counts
+  std::array<double, 8> right{};
   double cost = 0;
   int inliers = 0;
 };
@@ -149,46 +169,58 @@ struct ShapeEquations {
 // Laplacian of (8.6) Tukey's rho(r) = t^2 / 6 (1 - (1 - (r / t)^2)^3), whose weight is (1 - (r /
 // t)^2)^2: parts of the front on vessels, or missing behind an occlusion, do not pull.
 void add_point(ShapeEquations& sum, const std::vector<ShapeSample>& samples, const ShapeFit& fit,
-               const FrontPoint& point, const Eigen::Vector2d& turn, double tukey) {
+               const ShapeSample& factors, const FrontPoint& point, const Eigen::Vector2d& turn,
+               double tukey) {
   const double du = point.u - fit.pose.center_px.x();
   const double dv = point.v - fit.pose.center_px.y();
   const double s = fit.pose.scale_px;
   const double x = (turn.x() * du + turn.y() * dv) / s;
   const double y = (turn.x() * dv - turn.y() * du) / s;
-  const ModeValues at = interpolate(samples, x, y);
-  const double value = weighted_sum(at.value, fit.weights);
-  const double gx = weighted_sum(at.by_x, fit.weights);
-  const double gy = weighted_sum(at.by_y, fit.weights);
+  const ModeValues at = interpolate(samples, grid_place(x, y));
+  const double value = weighted_sum(at.value, factors);
+  const double gx = kPerUnit * weighted_sum(at.by_x, factors);
+  const double gy = kPerUnit * weighted_sum(at.by_y, factors);
   const double off = s * value - point.distance;
   const double share = 1 - off * off / (tukey * tukey);
   sum.cost +=
       tukey * tukey / 6 * (share > 0 ? 1 - share * share * share : 1) / (kPointSigma * kPointSigma);
   if (share <= 0) return;
   ++sum.inliers;
-  Vector8 row;
-  row << turn.y() * gy - turn.x() * gx, -turn.y() * gx - turn.x() * gy, s * (gx * y - gy * x),
-      s * (value - gx * x - gy * y), s * at.value[1], s * at.value[2], s * at.value[3],
-      s * at.value[4];
+  const std::array<double, 8> row{turn.y() * gy - turn.x() * gx,
+                                  -turn.y() * gx - turn.x() * gy,
+                                  s * (gx * y - gy * x),
+                                  s * (value - gx * x - gy * y),
+                                  s * at.value[1],
+                                  s * at.value[2],
+                                  s * at.value[3],
+                                  s * at.value[4]};
   const double weight = share * share / (kPointSigma * kPointSigma);
-  sum.matrix.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
-  sum.right -= weight * off * row;
+  for (std::size_t i = 0; i < 8; ++i) {
+    const double of_row = weight * row[i];
+    // Columns by pairs up to the diagonal: whole vectors.
+    for (std::size_t j = 0; j < (i | 1) + 1; ++j) sum.matrix[i][j] += of_row * row[j];
+    sum.right[i] -= of_row * off;
+  }
 }
 
 }  // namespace
 
 // Refers to `model`; the sine and cosine are taken once for all points.
 PlacedShape::PlacedShape(const ShapeModel& model, const ShapeFit& fit)
-    : model_(&model), fit_(fit), cos_(std::cos(fit.pose.angle)), sin_(std::sin(fit.pose.angle)) {}
+    : model_(&model),
+      fit_(fit),
+      factors_(factors_of(fit.weights)),
+      cos_(std::cos(fit.pose.angle)),
+      sin_(std::sin(fit.pose.angle)) {}
 
 // In px: the model's distances are in units of the scale.
 double PlacedShape::at(double u, double v) const {
   const double du = u - fit_.pose.center_px.x();
   const double dv = v - fit_.pose.center_px.y();
   const double s = fit_.pose.scale_px;
-  return s * weighted_sum(interpolate(model_->samples(), (cos_ * du + sin_ * dv) / s,
-                                      (cos_ * dv - sin_ * du) / s)
-                              .value,
-                          fit_.weights);
+  const GridPlace place = grid_place((cos_ * du + sin_ * dv) / s, (cos_ * dv - sin_ * du) / s);
+  return s *
+         static_cast<double>(weighted_sum(interpolate(model_->samples(), place).value, factors_));
 }
 
 ShapePose ShapeModel::pose_of(const Ellipse& e) const { return pose_from(e); }
@@ -225,6 +257,7 @@ ShapeModel ShapeModel::train(std::span<const cv::Mat> masks) {
     model.explained_ += value / total;
     model.modes_ = m + 1;
   }
+  model.find_reach();
   return model;
 }
 
@@ -252,29 +285,50 @@ ShapeFit ShapeModel::fit(std::span<const FrontPoint> front, const ShapePose& pre
   for (int i = 0; i < settings.iterations; ++i, tukey *= shrink) {
     ShapeEquations sum;
     const Eigen::Vector2d turn(std::cos(fit.pose.angle), std::sin(fit.pose.angle));
+    const ShapeSample factors = factors_of(fit.weights);
     for (std::size_t k = 0; k < front.size(); k += step)
-      add_point(sum, samples_, fit, front[k], turn, tukey);
+      add_point(sum, samples_, fit, factors, front[k], turn, tukey);
+    Matrix8 matrix = Eigen::Map<const RowMajor8>(sum.matrix.front().data());
+    Vector8 right = Eigen::Map<const Vector8>(sum.right.data());
     Vector8 from_prior;
     from_prior << fit.pose.center_px - predicted.center_px, fit.pose.angle - predicted.angle,
         std::log(fit.pose.scale_px / predicted.scale_px), fit.weights[0], fit.weights[1],
         fit.weights[2], fit.weights[3];
     Vector8 stiffness = Vector8::Ones();  // inverse variances; 1 for the weights: (8.8)
     stiffness.head<4>() = sigma.cwiseProduct(sigma).cwiseInverse();
-    sum.matrix.diagonal() += stiffness;
-    sum.right -= stiffness.cwiseProduct(from_prior);
+    matrix.diagonal() += stiffness;
+    right -= stiffness.cwiseProduct(from_prior);
     fit.log_posterior = -sum.cost - 0.5 * from_prior.dot(stiffness.cwiseProduct(from_prior));
     fit.inlier_fraction = static_cast<double>(sum.inliers) / static_cast<double>(count);
-    const Vector8 move = sum.matrix.selfadjointView<Eigen::Lower>().ldlt().solve(sum.right);
+    const Vector8 move = matrix.selfadjointView<Eigen::Lower>().ldlt().solve(right);
     if (!move.allFinite()) break;
     fit.pose.center_px += move.head<2>();
     fit.pose.angle += std::clamp(move[2], -0.3, 0.3);
     fit.pose.scale_px *= std::exp(std::clamp(move[3], -0.2, 0.2));
     for (std::size_t k = 0; k < kMaxModes; ++k) {
-      fit.weights[k] =
-          std::clamp(fit.weights[k] + move[static_cast<Eigen::Index>(k) + 4], -3.0, 3.0);
+      fit.weights[k] = std::clamp(fit.weights[k] + move[static_cast<Eigen::Index>(k) + 4],
+                                  -kMostWeight, kMostWeight);
     }
   }
   return fit;
+}
+
+// Of each row of the grid the even columns between which weights of up to kMostWeight may put the
+// inside, or half a step beside it.
+void ShapeModel::find_reach() {
+  for (int j = 0; j < kShapeGrid; ++j) {
+    std::pair<int, int>& reach = reach_[static_cast<std::size_t>(j)];
+    reach = {0, 0};
+    for (int i = 0; i < kShapeGrid; i += 2) {
+      const ShapeSample& sample = samples_[static_cast<std::size_t>(j * kShapeGrid + i)];
+      double least = static_cast<double>(sample[0]);
+      for (std::size_t k = 1; k <= kMaxModes; ++k)
+        least -= kMostWeight * std::abs(static_cast<double>(sample[k]));
+      if (least * kPerUnit / 2 > 0.51) continue;
+      if (reach.second == 0) reach.first = i;
+      reach.second = i + 1;
+    }
+  }
 }
 
 // Second moments of the inside over every second sample of the grid, each covered by 1/2 - phi /
@@ -287,11 +341,12 @@ Ellipse ShapeModel::ellipse_of(const ShapeFit& fit) const {
   double xx = 0;
   double xy = 0;
   double yy = 0;
+  const ShapeSample factors = factors_of(fit.weights);
   for (int j = 0; j < kShapeGrid; j += 2) {
-    for (int i = 0; i < kShapeGrid; i += 2) {
-      const ShapeSample& sample = samples_[static_cast<std::size_t>(j * kShapeGrid + i)];
-      double value = sample[0];
-      for (std::size_t k = 0; k < kMaxModes; ++k) value += fit.weights[k] * sample[k + 1];
+    const auto row = static_cast<std::size_t>(j * kShapeGrid);
+    for (int i = reach_[static_cast<std::size_t>(j)].first;
+         i < reach_[static_cast<std::size_t>(j)].second; i += 2) {
+      const double value = weighted_sum(samples_[row + static_cast<std::size_t>(i)], factors);
       const double cover = std::clamp(0.5 - value * kPerUnit / 2, 0.0, 1.0);
       n += cover, sx += cover * i, sy += cover * j, xx += cover * i * i, xy += cover * i * j,
           yy += cover * j * j;
@@ -340,6 +395,7 @@ ShapeModel ShapeModel::load(std::string_view bytes) {
     for (std::size_t k = 0; k < 5; ++k) sample[k] = in.f32(-100, 100);
   }
   in.end();
+  model.find_reach();
   return model;
 }
 

@@ -12,6 +12,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace vitreo::vision {
@@ -64,6 +65,7 @@ class PlacedShape {
  private:
   const ShapeModel* model_;
   ShapeFit fit_;
+  std::array<float, 8> factors_;  // of a sample's mean and modes
   double cos_;
   double sin_;
 };
@@ -100,7 +102,10 @@ class ShapeModel {
   int modes_ = 0;
   double explained_ = 0;
   std::array<double, kMaxModes> eigenvalues_{};
+  void find_reach();
+
   std::vector<Sample> samples_;
+  std::array<std::pair<int, int>, kGrid> reach_{};  // columns of each row that a fit may cover
 };
 
 }  // namespace vitreo::vision

@@ -291,9 +291,7 @@ void Exchange::settle() {
 }
 
 // While it is waited for, and after it was given up: it may come yet.
-Time Exchange::owed() const {
-  return owed_ ? dialogue_.clock().now() - asked_ : Time::zero();
-}
+Time Exchange::owed() const { return owed_ ? dialogue_.clock().now() - asked_ : Time::zero(); }
 
 // Where the last answer did not come in time it may come now, and would be taken for that of this
 // question, and each answer for that of the next question from then on: so it is waited for once

@@ -64,9 +64,21 @@ double plate_thickness(const control::Robot& robot) {
   return root > 0 ? (flat - std::sqrt(root)) / (4 * a) : 0;
 }
 
+/// Flat surfaces are drawn dull: as a mirror a whole end or plate would shine at once, as bright as
+/// the ground.
 BodyLook look_of(const LaboratorySettings& settings) {
   BodyLook look;
-  if (!settings.plates || settings.world.robot.hard) return look;
+  const control::Robot& robot = settings.world.robot;
+  if (!settings.plates) return look;
+  // A helix is the spheroid about it.
+  const bool flat_ends =
+      robot.shape == control::BodyShape::cylinder || robot.shape == control::BodyShape::disc;
+  if (flat_ends && !robot.helix) {
+    look.solid = Solid::cylinder;
+    look.specular = 0.05;
+    return look;
+  }
+  if (robot.hard) return look;
   look.plate_thickness = plate_thickness(settings.world.robot);
   look.specular = 0.05;  // electroplated, not polished; a whole plate would shine at once
   return look;
@@ -75,6 +87,8 @@ BodyLook look_of(const LaboratorySettings& settings) {
 BodyLook look_of(const BodySettings& body) {
   BodyLook look{0.35, 0.55, 0.05, 20, body.color};
   if (body.dotted) look.dot_pitch = body.dot_pitch;
+  if (body.shape != Shape::spheroid)
+    look.solid = body.shape == Shape::rod ? Solid::rod : Solid::disc;
   return look;
 }
 

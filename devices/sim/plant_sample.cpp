@@ -155,6 +155,7 @@ void apply(const PlantSample& sample, WorldSettings& world) {
   robot.semi_axis *= sample.size;
   robot.semi_radius *= sample.size;
   if (robot.helix) robot.helix = robot.helix->scaled(sample.size);
+  if (robot.tail) robot.tail = robot.tail->scaled(sample.size);
   robot.solid_volume *= sample.size * sample.size * sample.size;
   robot.solid_density *= sample.mass;
   CoilBankSettings& coils = world.coils;

@@ -56,7 +56,10 @@ RobotMotion::RobotMotion(const control::Robot& robot, const control::Medium& flu
   along_ = free(0, 0);
   across_ = free(1, 1);
   turning_ = control::rotational_resistance(robot, around);
-  require(!robot.helix || !gel, "a helix is simulated in a fluid only, not in a gel");
+  require(!(robot.helix || robot.tail) || !gel,
+          "a helix and a flexible tail are simulated in a fluid only, not in a gel");
+  if (robot.tail)
+    tail_.emplace(*robot.tail, around.dynamic_viscosity(), moment_gain * robot.moment(0));
   if (robot.helix)
     helix_.emplace(*robot.helix, around.dynamic_viscosity(), moment_gain * robot.moment(0));
   mean_radius_ = std::cbrt(robot.semi_axis * robot.semi_radius * robot.semi_radius);
@@ -64,6 +67,7 @@ RobotMotion::RobotMotion(const control::Robot& robot, const control::Medium& flu
 
 void RobotMotion::relax() {
   if (embedded_) embedded_->relax();
+  if (tail_) tail_->straighten();
 }
 
 // moment_gain is the error of the believed magnetization, volume and hysteresis
@@ -71,6 +75,7 @@ void RobotMotion::relax() {
 // A m^2, in the world frame, from the body's axis and the field at it, T.
 Eigen::Vector3d RobotMotion::moment(const BodyState& body, const Eigen::Vector3d& field) const {
   if (helix_) return helix_->moment(body);
+  if (tail_) return tail_->moment(body);
   return moment_gain_ * control::robot_moment(robot_, body.axis, field);
 }
 
@@ -110,17 +115,24 @@ Eigen::Vector3d RobotMotion::rolled(const BodyState& body, const Eigen::Vector3d
   return part * turned.cross(mean_radius_ * wall.normal);
 }
 
-// The walls slow what force and weight do; the screw's own advance stays as in the open.
+// The walls slow what force and weight do; the swimmer's own advance stays as in the open.
 RobotMotion::Step RobotMotion::swim(BodyState& body, const control::FieldGradient& field,
                                     const Eigen::Vector3d& extra_force, const Cavity* cavity,
-                                    double span) const {
+                                    double span) {
   const Eigen::Vector3d before = body.position;
   // F = (m.grad) B.
   const Eigen::Vector3d force = extra_force - Eigen::Vector3d(0, 0, net_weight_) +
-                                control::force_from_field(helix_->moment(body)) * field;
+                                control::force_from_field(moment(body, field.head<3>())) * field;
   const Eigen::Vector3d drifting = velocity(body, force, cavity);
-  const HelixMotion::Step turn = helix_->turn(body, field.head<3>(), force, span);
-  body.position += span * drifting + turn.swum;
+  Step turn;
+  if (helix_) {
+    const HelixMotion::Step screwed = helix_->turn(body, field.head<3>(), force, span);
+    turn = {screwed.swum, screwed.turned};
+  } else {
+    const TailMotion::Step beaten = tail_->turn(body, field.head<3>(), force, span);
+    turn = {beaten.swum, beaten.turned};
+  }
+  body.position += span * drifting + turn.moved;
   return {body.position - before, turn.turned};
 }
 
@@ -131,7 +143,7 @@ RobotMotion::Step RobotMotion::swim(BodyState& body, const control::FieldGradien
 RobotMotion::Step RobotMotion::step(BodyState& body, const control::FieldGradient& field,
                                     const Eigen::Vector3d& extra_force, const Cavity* cavity,
                                     double span) {
-  if (helix_) return swim(body, field, extra_force, cavity, span);
+  if (helix_ || tail_) return swim(body, field, extra_force, cavity, span);
   const Eigen::Vector3d b = field.head<3>();
   const bool felt = b.norm() > kWeakestField;
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();

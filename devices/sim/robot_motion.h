@@ -7,6 +7,7 @@
 #include "control/vitreous.h"
 #include "devices/sim/body.h"
 #include "devices/sim/helix_motion.h"
+#include "devices/sim/tail_motion.h"
 
 #include <optional>
 
@@ -30,16 +31,17 @@ class RobotMotion {
   /// angle (implicitly in a gel), so that no step overshoots. Where the field wants it turned by
   /// just 180 degrees (a soft robot: 90), it is a ten-thousandth of a radian off: nothing real
   /// balances. Drifting: Perrin's drag with Faxen's factors for the retina and the lens when
-  /// `cavity` is given; walls do not stiffen a gel. A helix: HelixMotion.
+  /// `cavity` is given; walls do not stiffen a gel. A helix: HelixMotion;
+  /// a flexible tail: TailMotion.
   Step step(BodyState& body, const control::FieldGradient& field,
             const Eigen::Vector3d& extra_force, const Cavity* cavity, double span);
   double net_weight() const { return net_weight_; }  // N, downwards
-  void relax();  ///< a newly inserted robot sits in an unstressed gel
+  void relax();  ///< a newly inserted robot sits in an unstressed gel, and its tail is straight
   const control::EmbeddedRobot* gel() const { return embedded_ ? &*embedded_ : nullptr; }
 
  private:
   Step swim(BodyState& body, const control::FieldGradient& field,
-            const Eigen::Vector3d& extra_force, const Cavity* cavity, double span) const;
+            const Eigen::Vector3d& extra_force, const Cavity* cavity, double span);
   Eigen::Vector3d rolled(const BodyState& body, const Eigen::Vector3d& turned,
                          const Cavity& cavity) const;
   Eigen::Vector3d moment(const BodyState& body, const Eigen::Vector3d& field) const;
@@ -50,6 +52,7 @@ class RobotMotion {
   double moment_gain_;
   std::optional<control::EmbeddedRobot> embedded_;
   std::optional<HelixMotion> helix_;
+  std::optional<TailMotion> tail_;
   double net_weight_;   // N
   double along_;        // N s/m: drag along the axis
   double across_;       // N s/m: drag across the axis

@@ -50,8 +50,8 @@ class Clock {
  public:
   virtual ~Clock() = default;
   virtual Time now() const = 0;
-  /// Returns at `due`, at once when it has passed (under the virtual clock, other tasks that are
-  /// due now still get their turn). Throws Stopped.
+  /// Returns at `due`, at once when it has passed (under the virtual clock, a task that is due now
+  /// and comes before this one by its name still gets its turn). Throws Stopped.
   virtual void sleep_until(Time due) = 0;
   /// Waits until `ready()` holds or the time is `deadline`; returns `ready()`. `ready` is evaluated
   /// at the start and after each notify(signal). Throws Stopped.

@@ -37,6 +37,8 @@ void add_mask(CommandLine& line, Program&) {
   command.flag("--grab", request->grab, "the outline is rough: cut by color around it");
   command.option("--on", request->on, "x,y: surely on the object (with --grab)").one_word_each();
   command.option("--off", request->off, "x,y: surely not on it (with --grab)").one_word_each();
+  command.option("--tip", request->tip,
+                 "x,y: where its head ends in the first image; tips.csv gets those of the others");
   command.option("--margin", request->margin_px, "px by which a rough outline may be wrong (6)");
   command.option("--out", request->out,
                  "folder; the images are copied there too, as a training folder");

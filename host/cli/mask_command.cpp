@@ -2,9 +2,12 @@
 #include "host/cli/mask_command.h"
 
 #include "host/files/image_files.h"
+#include "host/files/run_folder.h"
 #include "vision/color_tracker.h"
 #include "vision/draw.h"
 #include "vision/mask_outline.h"
+#include "vision/moments.h"
+#include "vision/tip_template.h"
 
 #include <fmt/format.h>
 #include <opencv2/core.hpp>
@@ -12,10 +15,13 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <ostream>
 #include <stdexcept>
+#include <string>
 
 namespace vitreo {
 namespace {
@@ -125,12 +131,13 @@ Target target_of(const MaskRequest& request, const std::string& image) {
 // The image itself is copied only where --out names another folder: beside its source it is there
 // already.
 void write(const MaskRequest& request, const Target& target, const cv::Mat& image,
-           const cv::Mat& mask) {
+           const cv::Mat& mask, const std::optional<Eigen::Vector2d>& tip_px) {
   fs::create_directories(target.overlay.parent_path());
   if (!request.out.empty()) write_png(target.image, image);
   write_png(target.mask, mask);
   vision::Overlay overlay;
   overlay.contours_px = vision::contours_of(mask);
+  overlay.target_px = tip_px;
   write_png(target.overlay, vision::draw_overlay(image, overlay));
 }
 
@@ -155,6 +162,53 @@ class Follower {
 
  private:
   std::unique_ptr<vision::ColorTracker> tracker_;
+};
+
+// Tips by the images' names, for `track_sequence tips=`: the first as it was pointed at, the others
+// where the first one's pixels fit.
+class Tips {
+ public:
+  explicit Tips(const MaskRequest& request) {
+    if (request.tip.empty()) return;
+    const std::vector<double> n = numbers_of(request.tip, "--tip", "x,y");
+    if (n.size() != 2) throw std::invalid_argument("--tip: wants x,y, got " + request.tip);
+    pointed_at_ = Eigen::Vector2d(n[0], n[1]);
+    const fs::path folder = request.out.empty() ? fs::path(request.images.front()).parent_path()
+                                                : fs::path(request.out);
+    file_ = folder / "tips.csv";
+    if (!request.force && fs::exists(file_))
+      throw std::invalid_argument(file_.string() + ": is there already; --force writes over it");
+  }
+  // `body`: of an image after the first.
+  std::optional<Eigen::Vector2d> look(const std::string& name, const cv::Mat& image,
+                                      const cv::Mat& mask,
+                                      const std::optional<vision::Ellipse>& body) {
+    if (!pointed_at_) return std::nullopt;
+    if (!body) {
+      template_.emplace(image, vision::moments_of(mask).ellipse({0, 0}), *pointed_at_);
+      tips_[name] = *pointed_at_;
+    } else if (const auto at = template_->find(image, *body)) {
+      tips_[name] = *at;
+    }
+    ++looked_;
+    const auto found = tips_.find(name);
+    return found == tips_.end() ? std::nullopt : std::optional(found->second);
+  }
+  void write(std::ostream& out) const {
+    if (!pointed_at_) return;
+    std::string rows = "name,x_px,y_px\n";
+    for (const auto& [name, at] : tips_)
+      rows += fmt::format("{},{:.2f},{:.2f}\n", name, at.x(), at.y());
+    write_file(file_, rows);
+    out << fmt::format("{}: tips in {} of {} images\n", file_.string(), tips_.size(), looked_);
+  }
+
+ private:
+  std::optional<Eigen::Vector2d> pointed_at_;
+  std::optional<vision::TipTemplate> template_;
+  std::map<std::string, Eigen::Vector2d> tips_;
+  fs::path file_;
+  int looked_ = 0;
 };
 
 /// Size and bounding box, for a mask that is wrong shows there first.
@@ -182,6 +236,7 @@ void say(std::ostream& out, const Target& target, const cv::Mat& mask) {
 int make_masks(const MaskRequest& request, std::ostream& out) {
   if (request.images.empty()) throw std::invalid_argument("images: there is none");
   const vision::MaskOutline outline = outline_of(request);
+  Tips tips(request);
   std::unique_ptr<Follower> follower;
   int missed = 0;
   cv::Size size;
@@ -189,6 +244,7 @@ int make_masks(const MaskRequest& request, std::ostream& out) {
     const Target target = target_of(request, file);
     const cv::Mat image = read_color_image(file);
     cv::Mat mask;
+    std::optional<vision::Ellipse> found;
     if (!follower) {
       mask = vision::mask_of(outline, image.size());
       if (request.grab) mask = vision::cut_by_color(image, mask, outline, request.margin_px);
@@ -198,7 +254,7 @@ int make_masks(const MaskRequest& request, std::ostream& out) {
       if (image.size() != size)
         throw std::invalid_argument(file + ": has another size than the first image");
       // Absence and not a failure: an image without the object is common in a recorded sequence.
-      const auto found = follower->find(image);
+      found = follower->find(image);
       if (!found) {
         ++missed;
         out << file << ": the object was not found; no mask is written\n";
@@ -209,9 +265,10 @@ int make_masks(const MaskRequest& request, std::ostream& out) {
       // Without the marks of --on and --off: they are pixels of the first image.
       mask = vision::cut_by_color(image, vision::mask_of(here, size), {}, request.margin_px);
     }
-    write(request, target, image, mask);
+    write(request, target, image, mask, tips.look(target.name, image, mask, found));
     say(out, target, mask);
   }
+  tips.write(out);
   return missed;
 }
 

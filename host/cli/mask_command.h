@@ -14,15 +14,17 @@ struct MaskRequest {
   std::vector<std::string> polygons;  ///< "x,y,x,y,x,y..."
   std::vector<std::string> on;        ///< "x,y", surely on the object
   std::vector<std::string> off;       ///< "x,y", surely not
-  bool grab = false;                  ///< the outline is rough: cut by color around it
-  double margin_px = 6;               ///< how rough
+  std::string tip;       ///< "x,y": where its head ends in the first image; "": nowhere
+  bool grab = false;     ///< the outline is rough: cut by color around it
+  double margin_px = 6;  ///< how rough
   std::string out;  ///< folder for NAME.png, NAME_mask.png, overlays/NAME.png; "": beside the image
   bool force = false;  ///< write over masks that are there
 };
 
 /// The first image gets the outline; the object is learnt from it, found in the other images, and
-/// cut there. Says a line an image. The number of images in which it was not found. Throws
-/// std::invalid_argument naming the option or the file.
+/// cut there; with a tip, tips.csv (name, x_px, y_px) beside the masks has the tips of the images
+/// in which it was recognized. Says a line an image. The number of images in which it was not
+/// found. Throws std::invalid_argument naming the option or the file.
 int make_masks(const MaskRequest& request, std::ostream& out);
 
 }  // namespace vitreo

@@ -119,6 +119,7 @@ void RecordFile::add_stream(const StreamInfo& info) {
   // A row that is there already is the same row: see write_again().
   inserts_.push_back(
       database_.prepare("INSERT OR IGNORE INTO " + table + " VALUES(" + parameters + ")"));
+  widths_.push_back(info.channels.size());
 }
 
 /// `row` runs one statement within the transaction; an error takes all of the transaction along.
@@ -138,6 +139,11 @@ void RecordFile::write(Row row) {
 void RecordFile::sample(std::size_t stream, std::size_t row, Time time,
                         std::span<const double> values) {
   Statement& insert = inserts_.at(stream);
+  // A short row would keep what the row before had in the columns that are left.
+  if (values.size() != widths_[stream])
+    throw std::invalid_argument("sample: stream " + std::to_string(stream) + " has " +
+                                std::to_string(widths_[stream]) + " channels, not " +
+                                std::to_string(values.size()));
   write([&] {
     insert.bind(1, whole(row) + 1).bind(2, std::int64_t{time.count()});
     // After seq and t_ns.

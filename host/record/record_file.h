@@ -67,6 +67,7 @@ class RecordFile {
   std::filesystem::path wal_;  // where commits go first
   Database database_;
   std::vector<Statement> inserts_;        // one a stream
+  std::vector<std::size_t> widths_;       // its channels
   std::optional<Statement> link_insert_;  // with the first row, and its table
   bool in_transaction_ = false;
   bool lost_rows_ = false;

@@ -149,9 +149,12 @@ struct RecordWriter::State {
   /// it.
   bool push_frame(std::size_t camera, const Frame& frame, std::uint64_t lost_before) {
     const std::size_t bytes = image_bytes(frame);
+    if (bytes == 0) throw std::invalid_argument("frame: its image is empty");
     MissingFrames missing;
     {
       const std::lock_guard lock(mutex);
+      if (camera >= names.size())
+        throw std::invalid_argument(fmt::format("frame: camera {} was not added", camera));
       pending[camera].lost += lost_before;
       lost[camera] += lost_before;
       const bool full = queued_bytes > 0 && queued_bytes + bytes > limits.queued_frame_bytes;
@@ -251,6 +254,7 @@ struct RecordWriter::State {
     file.commit_if_due();
     // After commit_if_due(): rows of frames wait for their pixels, samples do not.
     store.write_rows(file, last);
+    if (last) file.commit();  // so that a reader sees what was left before stop() returns
     if (std::chrono::steady_clock::now() - looked < kLookAtDisk) return;
     looked = std::chrono::steady_clock::now();
     const DiskWatch::Verdict verdict =

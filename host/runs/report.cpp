@@ -70,7 +70,8 @@ Table in_one_unit(Table table) {
   std::map<std::string, std::vector<std::size_t>> groups;
   for (std::size_t i = 0; i < table.header.size(); ++i) {
     const std::string& header = table.header[i];
-    const bool compared = header == "thesis" || header == "ours" || header == "tolerance";
+    const bool compared =
+        header == "thesis" || header == "ours" || header == "measure" || header == "tolerance";
     groups[compared ? "compared" : std::to_string(i)].push_back(i);
   }
   for (const auto& [name, columns] : groups) {

@@ -47,14 +47,17 @@ bool completed(const RunData& data) {
 }
 
 /// Times and counts, which stand at the foot and in the table: no one of them is what matters.
-constexpr std::array kAsides{"experiment_time", "wall_time", "dead_time", "expectations_met",
-                             "expectations_missed"};
+/// (Records of version 0.1 count expectations.)
+bool aside(const std::string& name) {
+  constexpr std::array kAsides{"experiment_time",  "wall_time",           "dead_time",
+                               "expectations_met", "expectations_missed", "calibrations_refused"};
+  return name.starts_with("verdict_") ||
+         std::find(kAsides.begin(), kAsides.end(), name) != kAsides.end();
+}
 
 std::vector<ShownResult> main_results(const RunData& data) {
   std::vector<ShownResult> results = shown_results(data.results);
-  std::erase_if(results, [](const ShownResult& one) {
-    return std::find(kAsides.begin(), kAsides.end(), one.name) != kAsides.end();
-  });
+  std::erase_if(results, [](const ShownResult& one) { return aside(one.name); });
   return results;
 }
 
@@ -104,6 +107,12 @@ std::optional<std::size_t> column(const Table& table, std::string_view name) {
   return static_cast<std::size_t>(found - table.header.begin());
 }
 
+/// What a number is held against: "tolerance" in records of version 0.1.
+std::optional<std::size_t> measure_column(const Table& table) {
+  const auto at = column(table, "measure");
+  return at ? at : column(table, "tolerance");
+}
+
 /// Good, bad or neither: by the words that the record's table has; a class of the style sheet.
 std::string_view kind_of_verdict(std::string_view verdict) {
   constexpr std::array kGood{"reproduced", "better", "goal met", "agrees", "kept", "within"};
@@ -146,10 +155,10 @@ std::string head_table(const Verdicts& verdicts) {
   const Table& table = *verdicts.table;
   Table shown{"", {}, {}};
   std::vector<std::size_t> columns;
-  for (const char* name : {"what", "ours", "thesis", "tolerance", "verdict"})
-    if (const auto at = column(table, name)) {
+  for (const std::string_view name : {"what", "ours", "thesis", "measure", "verdict"})
+    if (const auto at = name == "measure" ? measure_column(table) : column(table, name)) {
       columns.push_back(*at);
-      shown.header.push_back(name == std::string_view("ours") ? "here" : name);
+      shown.header.emplace_back(name == "ours" ? "here" : name);
     }
   for (std::size_t i = 0; i < std::min(table.rows.size(), kHeadRows); ++i) {
     shown.rows.emplace_back();
@@ -166,14 +175,15 @@ std::string head_table(const Verdicts& verdicts) {
 std::string verdict_of(const std::string& value, const Verdicts& verdicts) {
   if (verdicts.table == nullptr) return "";
   const Table& table = *verdicts.table;
-  const auto ours = column(table, "ours"), tolerance = column(table, "tolerance"),
+  const auto ours = column(table, "ours"), measure = measure_column(table),
              thesis = column(table, "thesis");
   if (!ours) return "";
   for (const auto& row : table.rows) {
     if (row.size() != table.header.size() || with_print_units(row[*ours]) != value) continue;
     std::string text = verdict_html(row[verdicts.verdict]);
-    if (tolerance) text += "<br>" + escape_markup(with_print_units(row[*tolerance]));
-    if (thesis) text += "; in the thesis " + escape_markup(with_print_units(row[*thesis]));
+    if (measure) text += "<br>" + escape_markup(with_print_units(row[*measure]));
+    if (thesis && row[*thesis] != "\u2013")
+      text += "; in the thesis " + escape_markup(with_print_units(row[*thesis]));
     return text;
   }
   return "";

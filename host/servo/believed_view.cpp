@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/believed_view.h"
 
+#include "host/servo/robot_outline.h"
+#include "optics/pose/object_pose.h"
 #include "optics/pose/pose.h"
 
 #include <algorithm>
@@ -35,6 +37,16 @@ optics::PoseSettings pose_settings_of(const RigModel& model) {
   return pose;
 }
 
+optics::ObjectPoseSettings object_settings_of(const RigModel& model,
+                                              const optics::ObjectModel& object) {
+  optics::ObjectPoseSettings settings;
+  settings.projection = model.projection;
+  settings.exact = model.exact;
+  settings.image = model.top_image;
+  settings.object = object;
+  return settings;
+}
+
 BelievedView::BelievedView(const RigModel& model, const CameraInfo& camera,
                            const Eigen::Vector3d& axis)
     : pose_(pose_settings_of(model)),
@@ -43,6 +55,8 @@ BelievedView::BelievedView(const RigModel& model, const CameraInfo& camera,
       size_px_(camera.width_px, camera.height_px),
       axis_(axis) {
   if (!(std::abs(axis.norm() - 1) < 1e-6)) throw std::invalid_argument("axis: must be a unit");
+  if (has_flat_ends(model.robot) && !plain_view_)
+    flat_ended_ = object_settings_of(model, *outlined_body(model.robot));
 }
 
 std::optional<vision::EllipseMeasurement> BelievedView::ellipse_at(
@@ -57,7 +71,10 @@ std::optional<vision::EllipseMeasurement> BelievedView::ellipse_at(
 
 /// The axes of eye and world are parallel.
 std::optional<vision::Ellipse> BelievedView::through_eye(const Eigen::Vector3d& position) const {
-  const auto seen = optics::project_spheroid(pose_, position - eye_in_world_, axis_);
+  const Eigen::Vector3d in_eye = position - eye_in_world_;
+  const auto seen =
+      flat_ended_ ? optics::project_object(*flat_ended_, {in_eye, optics::orientation_along(axis_)})
+                  : optics::project_spheroid(pose_, in_eye, axis_);
   if (!seen) return std::nullopt;
   return vision::Ellipse{seen->head<2>(), (*seen)[2], (*seen)[3], (*seen)[4]};
 }

@@ -5,6 +5,7 @@
 
 #include "devices/roles/camera.h"
 #include "host/rig/rig.h"
+#include "optics/pose/body_pose.h"
 #include "optics/pose/pose_settings.h"
 #include "vision/ellipse.h"
 
@@ -16,6 +17,10 @@ namespace vitreo {
 
 /// How the rig's robot is seen through its optics: what pose estimation inverts (thesis 5.3).
 optics::PoseSettings pose_settings_of(const RigModel& model);
+
+/// The same with `object` in the spheroid's place.
+optics::ObjectPoseSettings object_settings_of(const RigModel& model,
+                                              const optics::ObjectModel& object);
 
 class BelievedView {
  public:
@@ -30,6 +35,7 @@ class BelievedView {
   vision::Ellipse from_above(const Eigen::Vector3d& position) const;
 
   optics::PoseSettings pose_;
+  std::optional<optics::ObjectPoseSettings> flat_ended_;  // a cylinder's or a disc's own outline
   Eigen::Vector3d eye_in_world_;
   bool plain_view_;
   Eigen::Vector2d size_px_;

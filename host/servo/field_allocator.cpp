@@ -6,15 +6,19 @@
 #include <Eigen/Cholesky>
 
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
 namespace vitreo {
 namespace {
 
-// Allocations tried for one set of currents: each finds a smaller field or force, and they converge
-// fast.
-constexpr int kMostAttempts = 8;
+// Of the weight, that may be lacking where a soft robot's field and moment are cut by a limit: it
+// sinks by a fifth of its free speed, and the law is told.
+constexpr double kMostMissing = 0.2;
+
+// Forces tried: the one wanted, four halves of it, none.
+constexpr int kMostAttempts = 6;
 
 void check_limit(bool good, const char* what) {
   if (!good) throw std::invalid_argument(what);
@@ -23,6 +27,46 @@ void check_limit(bool good, const char* what) {
 /// What the interlock's total limit is about, A.
 /// Magnitudes, as opposite currents do not cancel.
 double total(const control::Currents& currents) { return currents.cwiseAbs().sum(); }
+
+/// A soft robot's moment falls with its field, and where a limit cuts the field there is less of
+/// both than was wanted. The largest field up to `wanted` that the allocation makes when the moment
+/// is taken for it, to a thousandth, by the secant from above: `high` makes less than itself, `low`
+/// more, or nothing that levitates. Where there is none, that which lacks least. at(field): the
+/// allocation with that field's moment; throws std::domain_error.
+template <class At>
+control::BoxAllocation agreeing(const At& at, double wanted) {
+  constexpr double kAgree = 1e-3;
+  constexpr int kMost = 24;
+  double low = 0, high = wanted, field = wanted;
+  double above = wanted, above_made = wanted;  // the try before
+  control::BoxAllocation nearest;
+  double share = -std::numeric_limits<double>::infinity();
+  for (int i = 0; i < kMost && high - low > kAgree / 4 * wanted; ++i) {
+    double made = 0;
+    try {
+      control::BoxAllocation found = at(field);
+      made = found.field.norm();
+      const bool less = made / field < 1 - kAgree;
+      const bool more = made / field > 1 + kAgree;
+      if (!less && (!more || field == wanted)) return found;
+      if (less && made / field > share) nearest = found, share = made / field;
+    } catch (const std::domain_error&) {
+      if (field == wanted) throw;
+    }
+    if (made > 0 && made < field) {
+      const double slope = (above_made - made) / (above - field);
+      const bool secant = above > field && slope > 0 && slope < 1;
+      const double next = secant ? (made - slope * field) / (1 - slope) : made;
+      above = high = field;
+      above_made = made;
+      field = next > low && next < high ? next : (low + high) / 2;
+    } else {
+      low = field;
+      field = (low + high) / 2;
+    }
+  }
+  return nearest;
+}
 
 }  // namespace
 
@@ -122,59 +166,55 @@ void FieldAllocator::choose(const Eigen::Vector3d& position, const Eigen::Vector
     }
 }
 
-/// The quadratic programme of control::allocate_within, repeated until moment and field agree and
-/// the sum of currents is within its limit. It is nonlinear only in the moment m(|B|), which is
-/// found by fixed-point iteration. Field and force of the result are those that the robot feels,
-/// the background's share included. Throws std::domain_error where levitation is out of reach.
-/// From the sixth attempt on, a force that is too much is given up altogether.
+/// The quadratic programme of control::allocate_within at the moment that the field has which it
+/// makes, with as much of the force as goes: less and in the end none but the levitation where the
+/// sum of currents is beyond its limit, or no field agrees with its moment. Field and force of the
+/// result are those that the robot feels, the background's share included. Throws
+/// std::domain_error where levitation is out of reach.
 control::BoxAllocation FieldAllocator::within(const control::FieldMatrix& matrix,
                                               const control::FieldGradient& background,
                                               const Eigen::Vector3d& force, double wanted) const {
   const Eigen::Vector3d levitation(0, 0, model_.robot.net_weight(model_.medium));
-  control::BoxAllocation found;
-  double field = wanted;  // T along the axis, for which the moment is taken
-  Eigen::Vector3d asked = force;
-  bool cut = false;
-  const auto ask_for_less = [&asked, &cut](int attempt) {
-    cut = true;
-    asked = attempt + 3 < kMostAttempts ? Eigen::Vector3d(asked / 2) : Eigen::Vector3d::Zero();
-  };
-  // A soft robot's moment falls with its field: where a limit cuts the field, ask again with what
-  // is left of the moment. Where the sum of currents is too much, ask for less force, in the end
-  // for none but the levitation.
+  std::string why;
   for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
-    const Eigen::Vector3d moment = model_.robot.moment(field) * settings_.axis;
-    // F = S(m) g: the force in the gradients that are there without any current of ours.
-    const Eigen::Vector3d pulled = control::force_from_field(moment) * background;
-    try {
-      found = control::allocate_within(
+    const Eigen::Vector3d asked = attempt + 1 < kMostAttempts
+                                      ? Eigen::Vector3d(force / (1 << attempt))
+                                      : Eigen::Vector3d(Eigen::Vector3d::Zero());
+    const auto at = [&](double field) {
+      const Eigen::Vector3d moment = model_.robot.moment(field) * settings_.axis;
+      // F = S(m) g: the force in the gradients that are there without any current of ours.
+      const Eigen::Vector3d pulled = control::force_from_field(moment) * background;
+      control::BoxAllocation found = control::allocate_within(
           matrix, moment,
           {wanted * settings_.axis - background.head<3>(), levitation - pulled, asked},
           settings_.limits);
-    } catch (const std::domain_error&) {
-      // What the limit left of the field holds the robot no longer: rather less of the force beyond
-      // its weight. At full field and without such a force nothing is left to give up.
-      if (field == wanted && asked.isZero(0)) throw;
-      field = wanted;
-      ask_for_less(attempt);
-      continue;
+      found.field += background.head<3>();
+      found.force += pulled;
+      return found;
+    };
+    try {
+      control::BoxAllocation found = agreeing(at, wanted);
+      found.limited = found.limited || attempt > 0;
+      // With the moment that there is.
+      const double made = found.field.norm();
+      const Eigen::Vector3d there =
+          control::force_from_field(model_.robot.moment(made) * settings_.axis) *
+          (matrix * found.currents + background);
+      const bool held =
+          found.force.z() - there.z() <= kMostMissing * std::abs(levitation.z()) + 1e-12;
+      found.force = there;
+      if (held && !(total(found.currents) > settings_.total_limit)) return found;
+      why = held
+                ? "holding the robot against its weight is beyond the limit of the sum of currents "
+                  "here"
+                : "the coils' limits leave no field here whose moment holds the robot against its "
+                  "weight";
+    } catch (const std::domain_error& error) {
+      why = error.what();
     }
-    found.field += background.head<3>();
-    found.force += pulled;
-    if (total(found.currents) > settings_.total_limit) {
-      ask_for_less(attempt);
-      continue;
-    }
-    // Converged when the field made is the one for which the moment was taken, to a thousandth.
-    const double made = found.field.dot(settings_.axis);
-    if (!found.limited || made > (1 - 1e-3) * field || !(made > 0)) break;
-    field = made;
+    if (asked.isZero(0)) break;
   }
-  if (total(found.currents) > settings_.total_limit)
-    throw std::domain_error(
-        "holding the robot against its weight is beyond the limit of the sum of currents here");
-  found.limited = found.limited || cut;
-  return found;
+  throw std::domain_error(why);
 }
 
 // x - W' (W W')^-1 W x with the wrench's rows W = [B; F] at the moment that the field makes, rows

@@ -2,6 +2,7 @@
 #include "host/servo/localizer.h"
 
 #include "host/servo/believed_view.h"
+#include "optics/pose/equivalent_ellipse.h"
 #include "optics/pose/pose.h"
 
 #include <Eigen/Geometry>
@@ -34,6 +35,7 @@ optics::ObjectModel body_of(const control::Robot& robot) {
   const double thickness = plate_thickness(robot);
   if (robot.shape == control::BodyShape::crossed_plates && thickness > 0)
     return optics::crossed_ellipsoids(robot.semi_axis, robot.semi_radius, thickness / 2);
+  if (has_flat_ends(robot)) return optics::cylinder(robot.semi_axis, robot.semi_radius);
   return optics::ellipsoid({robot.semi_radius, robot.semi_radius, robot.semi_axis});
 }
 
@@ -58,15 +60,13 @@ Localizer::Localizer(const RigModel& model, std::unique_ptr<RobotEye> eye,
   if (!(axis_sigma >= 0 && axis_sigma < 1))
     throw std::invalid_argument("axis_sigma must be in [0, 1) rad");
   if (!model_.plain_view) doubt_.emplace(model_, axis_, calibrated);
+  if (has_flat_ends(model_.robot)) flat_ended_ = object_settings_of(model_, body_of(model_.robot));
   if (!(axis_sigma > 0)) return;
-  tilted_.emplace();
-  tilted_->projection = model_.projection;
-  tilted_->exact = model_.exact;
-  tilted_->image = model_.top_image;
-  tilted_->object = body_of(model_.robot);
+  tilted_ = object_settings_of(model_, body_of(model_.robot));
   tilted_->orientation_sigma = axis_sigma;
-  // Cylinders and discs have outlines too, which no loop has been judged by: the renderer draws
-  // them as spheroids.
+  // A cylinder or a disc is better found by its own ellipse (docs/localization.md): the rim of flat
+  // ends is known to two tenths of a pixel and their corners are blurred, which a look on the
+  // retina takes off the ellipse and not off the outline.
   if (model_.robot.shape != control::BodyShape::crossed_plates || model_.plain_view) return;
   const auto body = outlined_body(model_.robot);
   if (!body) return;
@@ -118,6 +118,18 @@ Observation Localizer::look(const cv::Mat& image) {
   observation.ellipse = eye_->look(image);
   if (observation.ellipse) localize(observation);
   return observation;
+}
+
+/// The thesis' localization knows spheroids: of flat ends the ellipse is larger, by an eighth where
+/// they are seen from the side, and by nothing from straight above.
+vision::EllipseMeasurement Localizer::as_of_spheroid(const vision::EllipseMeasurement& seen) const {
+  if (!flat_ended_) return seen;
+  const optics::EllipseVector own = seen.ellipse.vector();
+  const auto round = last_in_eye_ ? optics::as_of_spheroid(*flat_ended_, own, axis_, *last_in_eye_)
+                                  : optics::as_of_spheroid(*flat_ended_, own, axis_);
+  vision::EllipseMeasurement converted = seen;
+  if (round) converted.ellipse = {round->head<2>(), (*round)[2], (*round)[3], (*round)[4]};
+  return converted;
 }
 
 /// The thesis' localization, (5.15): the axis is known, "taken from the magnetic field controller"
@@ -241,7 +253,8 @@ SystematicDoubt Localizer::systematic_of(const Found& found,
 /// where they fail there is no position.
 void Localizer::localize(Observation& observation) {
   if (model_.plain_view) return from_above(observation);
-  auto found = by_axis(*observation.ellipse);
+  const vision::EllipseMeasurement of_spheroid = as_of_spheroid(*observation.ellipse);
+  auto found = by_axis(of_spheroid);
   if (found && tilted_) {
     const Eigen::Vector3d start = found->position_in_eye;
     found = by_outline(*observation.ellipse, start);
@@ -261,7 +274,7 @@ void Localizer::localize(Observation& observation) {
   // The model's own error is systematic; as a variance it keeps a filter from trusting the noise
   // alone.
   const double error = kModelError_px * model_.top_image.pixel;
-  const SystematicDoubt doubt = systematic_of(*found, *observation.ellipse);
+  const SystematicDoubt doubt = systematic_of(*found, of_spheroid);
   observation.systematic = doubt.whole;
   observation.by_attitude = doubt.by_attitude;
   observation.covariance =

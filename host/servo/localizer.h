@@ -84,6 +84,7 @@ class Localizer {
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
+  vision::EllipseMeasurement as_of_spheroid(const vision::EllipseMeasurement& seen) const;
   SystematicDoubt systematic_of(const Found& found, const vision::EllipseMeasurement& seen) const;
   Eigen::Matrix3d expected_attitude() const;
   bool lies_level() const;
@@ -97,9 +98,10 @@ class Localizer {
   Eigen::Vector3d side_;  // unit, across axis_: one of the plates lies in the plane of both
   std::unique_ptr<RobotEye> eye_;
   optics::PoseSettings pose_;
-  std::optional<ViewDoubt> doubt_;                    // none of a plain view
-  std::optional<optics::ObjectPoseSettings> tilted_;  // where the axis is to be estimated
-  std::optional<OutlineLocalizer> outline_;           // and the body shows no ellipse
+  std::optional<optics::ObjectPoseSettings> flat_ended_;  // a cylinder or a disc
+  std::optional<ViewDoubt> doubt_;                        // none of a plain view
+  std::optional<optics::ObjectPoseSettings> tilted_;      // where the axis is to be estimated
+  std::optional<OutlineLocalizer> outline_;               // and the body shows no ellipse
   std::optional<Eigen::Vector3d> last_in_eye_;
   std::optional<Eigen::Matrix3d> last_attitude_;
 };

@@ -8,9 +8,8 @@ namespace vitreo {
 namespace {
 
 constexpr double kLong = 3;  // s, for which a cap is a fault and not the way to a far target
-// 2 ln of the likelihood ratio, and by how much more it explains than the next coil does, both over
-// what it leaves per degree of freedom, as of a quasi-likelihood: 1 where the model is right, tens
-// where a robot falls. 45 is seven standard deviations.
+// 2 ln of the likelihood ratio, and by how much more it explains than the next coil does. 45 is
+// seven standard deviations.
 constexpr double kEvidence = 45;
 constexpr double kMargin = 9;
 // Part of a coil's current: below it, gains and places of healthy coils explain as much.
@@ -91,9 +90,9 @@ void LoopWatch::measured(double time, const control::PositionEstimator& filter, 
     // The delay may grow by what it is uncertain.
     given_[k].forget_before(time - shift - given_[k].memory() - 0.3);
   }
-  if (!last_) begun_ = time;
+  if (!last_) heard_from_ = time + kQuiet;
   // The histories go on meanwhile: only the test is kept from hearing.
-  if (time - begun_ < kQuiet)
+  if (time < heard_from_ || may_touch_)
     coils_.reset();
   else if (restarted)
     coils_.restart(span);
@@ -103,12 +102,17 @@ void LoopWatch::measured(double time, const control::PositionEstimator& filter, 
   suspect(time);
 }
 
+void LoopWatch::let_alone(double now, bool falls) {
+  motion_.reset();
+  if (!falls) return;
+  followed_from_ = now + control::kCaught;
+  heard_from_ = std::max(heard_from_, followed_from_);
+}
+
 void LoopWatch::suspect(double time) {
   const control::CoilWatch::Finding found = coils_.most_suspect();
-  const double scale = std::max(1.0, found.rest);
-  const bool doubtful = found.evidence > kEvidence * scale &&
-                        found.evidence - found.next > kMargin * scale && found.lack > kLeastLack &&
-                        found.lack < kMostLack;
+  const bool doubtful = found.evidence > kEvidence && found.evidence - found.next > kMargin &&
+                        found.lack > kLeastLack && found.lack < kMostLack;
   const int coil = doubtful ? found.coil : 0;
   // One coil must stay the suspect; where the evidence changes from coil to coil none is named yet.
   if (coil != suspected_) suspected_since_ = time;
@@ -139,6 +143,8 @@ void LoopWatch::reset() {
   coils_.reset();
   for (control::CommandHistory& coil : given_) coil.clear();
   last_.reset();
+  heard_from_ = 0;
+  followed_from_ = -1e9;
   capped_since_ = clamped_since_ = -1;
   suspected_ = named_ = 0;
 }

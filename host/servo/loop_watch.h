@@ -43,7 +43,9 @@ class LoopWatch {
   /// The model is borrowed.
   explicit LoopWatch(const RigModel& model);
   /// Of any law: position and target, once a measurement.
-  void moved(const control::WatchedMotion& motion) { motion_.add(motion); }
+  void moved(const control::WatchedMotion& motion) {
+    if (motion.time >= followed_from_) motion_.add(motion);
+  }
   /// Of the law estimator: what was commanded.
   void commanded(const WatchedCommand& command);
   /// A measurement at `time` (s) that its filter used, before the command that it leads to.
@@ -51,6 +53,14 @@ class LoopWatch {
   void measured(double time, const control::PositionEstimator& filter, double delay,
                 bool restarted);
   LoopQuality quality() const;
+  /// Positions from now on lie aside: no motion of the robot.
+  void view_moved() { motion_.reset(); }
+  /// The robot is left alone, or falls on purpose, at `now` (s): what it did until now is no answer
+  /// to a target, and after a fall it is none, and says nothing of single coils, until it is
+  /// caught.
+  void let_alone(double now, bool falls);
+  /// Whether the robot may touch something: what that takes of its motion is no coil's lack.
+  void may_touch(bool allowed) { may_touch_ = allowed; }
   void reset();
 
  private:
@@ -63,8 +73,10 @@ class LoopWatch {
   std::vector<control::CommandHistory> given_;  // m/s, of each coil's current
   std::vector<Eigen::Vector3d> flowing_;        // m/s, behind the lag
   std::optional<double> last_;                  // s, of the measurement before
-  double begun_ = 0;                            // s, of the first one
-  double capped_since_ = -1;                    // s; below 0: not
+  double heard_from_ = 0;                       // s, before which coils are not judged
+  bool may_touch_ = false;
+  double followed_from_ = -1e9;  // s, before which motion is not
+  double capped_since_ = -1;     // s; below 0: not
   double clamped_since_ = -1;
   double now_ = 0;
   int suspected_ = 0;

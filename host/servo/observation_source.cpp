@@ -87,6 +87,8 @@ RigModel corrected(RigModel model, const ViewCorrection& view) {
   model.eye = view.eye->system;
   model.projection = view.eye->projection;
   model.exact = view.eye->exact;
+  model.robot.semi_axis *= view.eye->robot_length;
+  model.robot.semi_radius *= view.eye->robot_width;
   return model;
 }
 

@@ -41,8 +41,13 @@ RobotClearance::RobotClearance(const RigModel& model, const ClearanceBelief& bel
   // Surfaces count from 1 at the retina, as in the thesis' tables: the second is the lens' rear.
   model_.eye.radius = model.eye.surfaces.front().radius;
   model_.eye.lens_depth = model.eye.vertex(2);
-  // Positions of a pose sensor, or of a view without an eye, have no doubt of the optics' kind.
-  if (belief.through_eye && !model.plain_view) doubt_ = doubt_of(model, belief);
+  // What is seen through the eye moves with it, so that its place matters little. Positions of a
+  // pose sensor, or of a view without an eye, have no doubt of the optics' kind, and are of a world
+  // in which the walls are where the eye stands.
+  if (belief.through_eye && !model.plain_view)
+    doubt_ = doubt_of(model, belief);
+  else
+    eye_sigma_ = model.uncertainty.eye;
 }
 
 std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& position,
@@ -52,6 +57,7 @@ std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& posi
   // Systematic and random errors are independent: their covariances add up. The doubt is of the
   // eye's frame, which is parallel to the world's.
   pose.covariance += doubt_.covariance(position - model_.eye_in_world);
+  pose.covariance += eye_sigma_ * eye_sigma_ * Eigen::Matrix3d::Identity();
   control::Clearance found = control::clearance(model_.body, model_.eye, pose);
   found.retina.distance -= felt_retina_;
   found.lens.distance -= felt_lens_;

@@ -59,6 +59,7 @@ class RobotClearance {
   Walls model_;
   ClearanceBelief belief_;
   optics::DepthDoubt doubt_;
+  double eye_sigma_ = 0;    // m, of where the eye stands, each coordinate
   double felt_retina_ = 0;  // m
   double felt_lens_ = 0;    // m
 };

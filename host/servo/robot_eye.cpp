@@ -2,6 +2,7 @@
 #include "host/servo/robot_eye.h"
 
 #include "devices/roles/gray.h"
+#include "host/servo/robot_outline.h"
 #include "vision/blob_tracker.h"
 #include "vision/multi_tracker.h"
 
@@ -29,6 +30,7 @@ vision::BlobTrackerSettings blob_settings(const RigModel& model) {
   // A pixel integrates over its width, a uniform density of variance pixel^2 / 12.
   settings.blur_sigma_px =
       0.8 * std::sqrt(diffraction * diffraction + disc * disc + pixel * pixel / 12) / pixel;
+  settings.corners = has_flat_ends(model.robot);
   return settings;
 }
 

@@ -40,6 +40,11 @@ double plate_thickness(const control::Robot& robot) {
   return root > 0 ? (flat - std::sqrt(root)) / (4 * robot.semi_axis) : 0;
 }
 
+bool has_flat_ends(const control::Robot& robot) {
+  return !robot.helix &&
+         (robot.shape == control::BodyShape::cylinder || robot.shape == control::BodyShape::disc);
+}
+
 std::optional<optics::ObjectModel> outlined_body(const control::Robot& robot) {
   if (robot.helix) return std::nullopt;
   switch (robot.shape) {

@@ -17,6 +17,10 @@ namespace vitreo {
 /// axis: the smaller root of V = 2 pi a b t - 2 a t^2.
 double plate_thickness(const control::Robot& robot);
 
+/// Whether the robot is a cylinder or a disc, whose ellipse no spheroid of its size shows. A helix
+/// is not: for the optics it is the spheroid about it.
+bool has_flat_ends(const control::Robot& robot);
+
 /// The body of convex parts that a robot of this shape shows: two crossed plates as thick as its
 /// metal's volume makes them, a cylinder, a disc. Nothing for bodies whose outline is an ellipse's,
 /// and for a helix, of which the optics know the spheroid about it.

@@ -31,6 +31,7 @@ void need(bool good, const char* what) {
 /// m/rad: what the robot goes by where it neither slips nor is hindered.
 double advance_of(const RigModel& model, control::RotatingMode mode) {
   const control::Robot& robot = model.robot;
+  if (mode == control::RotatingMode::oscillating) return 0;  // the measured curve takes its place
   if (mode == control::RotatingMode::helix)
     return control::helix_resistance(*robot.helix, model.medium.dynamic_viscosity()).advance();
   const double a = robot.semi_axis, b = robot.semi_radius;
@@ -40,18 +41,39 @@ double advance_of(const RigModel& model, control::RotatingMode mode) {
 }
 
 /// s: the axis follows the field's as e^(-t / lag), lag = 2 z / (m B), z the drag of turning: the
-/// mean of the torque across the axis over a turn is half of that of a field that stands (helix). A
-/// robot whose moment lies in the plane of rotation turns with it at once.
-double axis_lag(const RigModel& model, control::RotatingMode mode, double field) {
-  if (mode != control::RotatingMode::helix) return 0;
-  return 2 * control::rotational_resistance(model.robot, model.medium) /
-         (model.robot.moment(field) * field);
+/// mean of the torque across the axis over a turn is half of that of a field that stands (helix).
+/// oscillating: z / (m B cos swing), by the part of the field that stands. A robot whose moment
+/// lies in the plane of rotation turns with it at once.
+double axis_lag(const RigModel& model, const RotatingSettings& law, double field) {
+  const double turn = control::rotational_resistance(model.robot, model.medium) /
+                      (model.robot.moment(field) * field);
+  if (law.mode == control::RotatingMode::oscillating) return turn / std::cos(law.swing);
+  return law.mode == control::RotatingMode::helix ? 2 * turn : 0;
+}
+
+/// What robot each mode is for.
+bool fits(const control::Robot& robot, control::RotatingMode mode) {
+  if (mode == control::RotatingMode::helix) return robot.helix.has_value();
+  if (mode == control::RotatingMode::oscillating) return robot.tail.has_value();
+  return !robot.helix && !robot.tail;
+}
+
+/// In the fluid, free of the walls.
+bool swims(control::RotatingMode mode) {
+  return mode == control::RotatingMode::helix || mode == control::RotatingMode::oscillating;
 }
 
 control::StepOutSettings watch_settings(control::RotatingMode mode) {
   control::StepOutSettings settings;
-  // A helix' advance is its geometry; how much a wall lets slip is not known beforehand.
-  settings.known = mode == control::RotatingMode::helix;
+  // A helix' advance is its geometry, a tail's speed was measured; how much a wall lets slip is not
+  // known beforehand.
+  settings.known = swims(mode);
+  if (mode == control::RotatingMode::oscillating) {
+    // Slow: in the 0.6 s of a helix it goes 40 to 100 um, and a drop by a quarter shows beyond the
+    // noise after 120. Of the beat, which goes aside, some is along the way where the axis turns.
+    settings.window = 3;
+    settings.memory = 12;
+  }
   return settings;
 }
 
@@ -61,29 +83,34 @@ void RotatingSettings::check() const {
   need(!frequency || (*frequency > 0 && *frequency <= 200), "frequency: must be in (0, 200] Hz");
   need(!proportional || *proportional >= 0, "proportional: must be at least 0 1/s");
   need(!max_speed || *max_speed > 0, "max_speed: must be above 0 m/s");
+  need(swing > 0 && swing < 1.5, "swing: must be in (0, 1.5) rad");
 }
 
 RotatingController::RotatingController(const RigModel& model,
                                        const RotatingControllerSettings& settings)
     : model_(model),
       settings_(settings),
-      advance_((
-          need((settings.law.mode == control::RotatingMode::helix) == model.robot.helix.has_value(),
-               "mode: \"helix\" is for a helical robot, \"roller\" and \"tumbler\" for the "
-               "others"),
-          advance_of(model, settings.law.mode))),
-      lag_(axis_lag(model, settings.law.mode, settings.field)),
+      advance_((need(fits(model.robot, settings.law.mode),
+                     "mode: \"helix\" is for a helical robot, \"oscillating\" for one with a "
+                     "flexible tail, \"roller\" and \"tumbler\" for the others"),
+                advance_of(model, settings.law.mode))),
+      lag_(axis_lag(model, settings.law, settings.field)),
       step_out_limit_(std::numeric_limits<double>::infinity()),
       watch_(watch_settings(settings.law.mode)),
       commands_(model.command_delay, std::max(lag_, 1e-3)) {
   settings_.law.check();
   need(settings.period > 0, "period: must be above 0 s");
-  need(settings.law.mode == control::RotatingMode::helix || model.eye.size() > 2,
+  need(swims(settings.law.mode) || model.eye.size() > 2,
        "mode: roller and tumbler need an eye in the rig's model, whose retina they go on");
   state_.rotation.axis = settings.axis;
   state_.rotation.first = settings.axis.unitOrthogonal();
   state_.rotation.field = settings.field;
-  state_.believed_step_out = control::step_out_frequency(model.robot, model.medium, settings.field);
+  // A tail does not step out: the higher the frequency, the less its head turns.
+  if (oscillates())
+    state_.rotation.swing = 0;
+  else
+    state_.believed_step_out =
+        control::step_out_frequency(model.robot, model.medium, settings.field);
 }
 
 RotatingStep RotatingController::step(double now,
@@ -96,7 +123,7 @@ RotatingStep RotatingController::step(double now,
   settings_.limits.update = update;
   const Eigen::Vector3d velocity = wanted(step, now, path, mode);
   allocate(step, position_, update);
-  const double law = settings_.law.frequency.value_or(kBelowBelieved * state_.believed_step_out);
+  const double law = settings_.law.frequency.value_or(usual_limit());
   // The law's own limit is kept below the step-out of the field that is wanted, not of what is left
   // of it where the coils cut it. A spin is slowed by a step-out only where the law recovers.
   state_.limit = std::min(law, coils_limit_);
@@ -109,6 +136,13 @@ RotatingStep RotatingController::step(double now,
   step.limited = part < 1 - 1e-6;
   rotation.field *= part;
   return step;
+}
+
+/// Hz, where nothing else is said.
+double RotatingController::usual_limit() const {
+  if (!oscillates()) return kBelowBelieved * state_.believed_step_out;
+  return settings_.law.speeds ? settings_.law.speeds->fastest()
+                              : std::numeric_limits<double>::infinity();
 }
 
 /// As ServoController::take. Each measurement that was used also feeds the watch.
@@ -160,6 +194,7 @@ void RotatingController::watch(const control::PositionMeasurement& measured, Rot
   const double span = measured.time - last_->time;
   if (turning_ > 0) {
     turning_ -= span;
+    interrupt();
     return;
   }
   const Eigen::Vector3d from = commands_.velocity_at(last_->time);
@@ -174,18 +209,35 @@ void RotatingController::watch(const control::PositionMeasurement& measured, Rot
   constexpr double kStraight = 0.9;  // cosine
   // What was commanded while the robot moved and what is commanded now point elsewhere: the axis is
   // being turned, and a robot that lags behind it is no step-out.
-  if (std::abs(turning) < kStraight) return;
+  if (std::abs(turning) < kStraight) return interrupt();
   // Of the mean over the interval, as delayed as the motion that it is compared with.
-  const double frequency = commanded / span / std::abs(advance_) / (2 * M_PI);
-  // Turned slowly, a helix turns its axis more slowly than by the lag (docs/rotating_fields.md).
-  constexpr double kTooSlow = 1. / 8;  // of the believed step-out
-  if (frequency < kTooSlow * state_.believed_step_out) return;
+  const double frequency = oscillates() ? settings_.law.speeds->frequency(commanded / span)
+                                        : commanded / span / std::abs(advance_) / (2 * M_PI);
+  if (too_slow(commanded / span, frequency)) return interrupt();
   const double went = (measured.position - last_->position - span * sinking()).dot(along);
   const bool found = watch_.add(went, commanded, span, frequency);
   if (found) step.stepped_out = frequency;
   judge(found, step);
   state_.response = watch_.response();
   state_.response.stepped_out = step_outs_ > 0;
+}
+
+/// The beat takes a tail aside by ten times the sensor's noise: of a way in pieces each has that at
+/// both of its ends.
+void RotatingController::interrupt() {
+  if (oscillates()) watch_.interrupt();
+}
+
+/// Turned slowly, a helix turns its axis more slowly than by the lag (docs/rotating_fields.md). Of
+/// a slow tail's way the weight is too large a part, which is a difference of two that nearly
+/// cancel, and by less swing than was measured the speed is known by the law of its square alone.
+/// One that does not follow lags, and is commanded faster.
+bool RotatingController::too_slow(double speed, double frequency) const {
+  constexpr double kTooSlow = 1. / 8;  // of the believed step-out
+  constexpr double kFullSpeed = 0.8;   // of the fastest
+  if (!oscillates()) return frequency < kTooSlow * state_.believed_step_out;
+  const control::SpeedCurve& curve = *settings_.law.speeds;
+  return speed < kFullSpeed * curve.speed(curve.fastest());
 }
 
 /// A step-out: below it, the robot turns with the field again, which is then watched for. A robot
@@ -196,7 +248,9 @@ void RotatingController::judge(bool found, RotatingStep& step) {
     ++step_outs_;
     state_.unresponsive = state_.unresponsive || step_outs_ > kTries;
     if ((spin_ && !settings_.law.recover) || state_.unresponsive) return;
-    step_out_limit_ = kBelowStepOut * watch_.response().step_out;
+    // A tail that does not follow is held, or its field is not what is believed: a lower frequency
+    // is no remedy.
+    if (!oscillates()) step_out_limit_ = kBelowStepOut * watch_.response().step_out;
     watch_.recovered();
     constexpr double kCatches = 0.2;  // s, until it turns with the slower field
     settle_in(kCatches);
@@ -252,6 +306,10 @@ Eigen::Vector3d RotatingController::wanted(RotatingStep& step, double now,
 /// m/s, of a robot that turns with the field of the spin.
 Eigen::Vector3d RotatingController::spun() const {
   const double frequency = std::clamp(spin_->frequency, -most(), most());
+  if (oscillates()) {
+    if (!settings_.law.speeds) return Eigen::Vector3d::Zero();
+    return settings_.law.speeds->speed(std::abs(frequency)) * spin_->axis;
+  }
   const bool helix = settings_.law.mode == control::RotatingMode::helix;
   return advance_ * 2 * M_PI * frequency *
          (helix ? spin_->axis : spin_->axis.cross(wall_normal(position_)));
@@ -261,7 +319,7 @@ Eigen::Vector3d RotatingController::spun() const {
 double RotatingController::most() const {
   const double limit = std::max(state_.limit, 1e-3);
   const double found = watch_.response().step_out;
-  return spin_ || !(found > 0) ? limit : std::min(limit, kBelowStepOut * found);
+  return spin_ || oscillates() || !(found > 0) ? limit : std::min(limit, kBelowStepOut * found);
 }
 
 /// Sets axis and frequency for a velocity through the fluid; what they make of it, m/s.
@@ -273,6 +331,8 @@ Eigen::Vector3d RotatingController::steered(const Eigen::Vector3d& velocity) {
   // The robot's axis is at most half a radian behind.
   swim.turn_rate = std::min(6.0, 0.5 / std::max(lag_, 1e-3));
   swim.frequency = most();
+  swim.swing = settings_.law.swing;
+  if (settings_.law.speeds) swim.speeds = &*settings_.law.speeds;
   const control::SwimCommand given =
       control::swim(swim, velocity, wall_normal(position_), rotation.axis, settings_.period);
   // A quick turn of the axis costs speed as a step-out does.
@@ -282,6 +342,7 @@ Eigen::Vector3d RotatingController::steered(const Eigen::Vector3d& velocity) {
   if (angle / settings_.period * lag_ > kQuick) settle_in(kLags * lag_);
   rotation.turn_to(given.axis);
   rotation.frequency = given.frequency;
+  if (oscillates()) rotation.swing = given.swing;
   return given.velocity;
 }
 
@@ -291,7 +352,7 @@ void RotatingController::command(RotatingStep& step, double now, const Eigen::Ve
                                  ControlMode mode) {
   Eigen::Vector3d given = spin_ ? spun() : velocity;
   const bool keeps = clearance_ != nullptr && ahead_ && mode != ControlMode::constant &&
-                     mode != ControlMode::off && settings_.law.mode == control::RotatingMode::helix;
+                     mode != ControlMode::off && swims(settings_.law.mode);
   if (keeps) {
     const auto kept =
         margin_kept(*clearance_, {*ahead_, sinking(), tuning_->loop.dead_time()}, given);
@@ -301,6 +362,7 @@ void RotatingController::command(RotatingStep& step, double now, const Eigen::Ve
   if (spin_ && !step.kept_out) {
     state_.rotation.turn_to(spin_->axis);
     state_.rotation.frequency = std::clamp(spin_->frequency, -most(), most());
+    if (oscillates()) state_.rotation.swing = settings_.law.swing;
   } else {
     given = steered(given);
   }
@@ -321,20 +383,21 @@ void RotatingController::allocate(RotatingStep& step, const Eigen::Vector3d& pos
   // The frequency is asked for the whole field, not for the part that the last turn could reach.
   control::Rotation whole = state_.rotation;
   whole.field = settings_.field;
+  if (oscillates()) whole.swing = settings_.law.swing;
   settings_.limits.update = update;
   coils_limit_ = control::fastest(step.currents, whole, settings_.limits);
 }
 
 /// m/s, world; zero on a wall, which carries the robot.
 Eigen::Vector3d RotatingController::sinking() const {
-  if (settings_.law.mode != control::RotatingMode::helix) return Eigen::Vector3d::Zero();
+  if (!swims(settings_.law.mode)) return Eigen::Vector3d::Zero();
   const Eigen::Vector3d weight(0, 0, -model_.robot.net_weight(model_.medium));
   return control::resistance(model_.robot, model_.medium, state_.rotation.axis).inverse() * weight;
 }
 
 /// Of the retina, towards the robot: its sphere below the equator, a cylinder above.
 Eigen::Vector3d RotatingController::wall_normal(const Eigen::Vector3d& position) const {
-  if (settings_.law.mode == control::RotatingMode::helix) return Eigen::Vector3d::UnitZ();
+  if (swims(settings_.law.mode)) return Eigen::Vector3d::UnitZ();
   const double radius = model_.eye.surfaces.front().radius;
   Eigen::Vector3d inwards = model_.eye_in_world + Eigen::Vector3d(0, 0, radius) - position;
   inwards.z() = std::max(inwards.z(), 0.0);

@@ -72,12 +72,16 @@ class RotatingController {
   void tune(double now, const control::PositionMeasurement& first);
   void watch(const control::PositionMeasurement& measured, RotatingStep& step);
   void settle_in(double more);
+  void interrupt();
   void judge(bool found, RotatingStep& step);
   Eigen::Vector3d wanted(RotatingStep& step, double now, const ReferencePath& path,
                          ControlMode mode);
   void command(RotatingStep& step, double now, const Eigen::Vector3d& velocity, ControlMode mode);
   Eigen::Vector3d spun() const;
   double most() const;
+  double usual_limit() const;
+  bool too_slow(double speed, double frequency) const;
+  bool oscillates() const { return settings_.law.mode == control::RotatingMode::oscillating; }
   Eigen::Vector3d steered(const Eigen::Vector3d& velocity);
   void allocate(RotatingStep& step, const Eigen::Vector3d& position, double update);
   Eigen::Vector3d sinking() const;

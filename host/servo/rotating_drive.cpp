@@ -7,6 +7,8 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
+#include <string>
 
 namespace vitreo {
 namespace {
@@ -24,7 +26,7 @@ int rotation_stream(Recorder& recorder) {
   const char* const kAxis = "axis of the field's rotation";
   const StreamInfo info{
       "rotation",
-      "the rotating field that is commanded, and how the robot answers it",
+      "the rotating or oscillating field that is commanded, and how the robot answers it",
       {{"frequency", "Hz", "commanded; negative: against the axis"},
        {"axis_x", "1", kAxis, kWorld},
        {"axis_y", "1", kAxis, kWorld},
@@ -35,7 +37,8 @@ int rotation_stream(Recorder& recorder) {
        {"set_points", "Hz", "that the amplifiers take"},
        {"response", "1", "way per turn over the believed one"},
        {"response_sigma", "1", "standard deviation of the response"},
-       {"stepped_out", "1", "1 where it no longer turns with the field"}},
+       {"stepped_out", "1", "1 where it no longer turns with the field"},
+       {"swing", "rad", "of a field that oscillates, to either side; else none"}},
       kSetPoint};
   for (std::size_t i = 0; i < recorder.streams().size(); ++i)
     if (recorder.streams()[i].info.name == info.name) return static_cast<int>(i);
@@ -94,18 +97,28 @@ void RotatingDrive::spin(const Eigen::Vector3d& axis, double frequency) {
 /// An event and an alarm at a step-out, an event when it is over.
 void RotatingDrive::report(const RotatingStep& step) {
   const RotationState& now = state();
+  const bool oscillates = now.rotation.swing.has_value();
   if (step.stepped_out) {
-    const std::string what = fmt::format(
-        "at {:.2f} Hz the robot goes {:.0f} % of its way per turn: it no longer turns with the "
-        "field, as beyond a step-out at about {:.2f} Hz",
-        *step.stepped_out, 100 * now.response.now / now.response.before, now.response.step_out);
-    recorder_.event(clock_.now(), "step-out", what);
-    recorder_.alarm(clock_.now(), "step-out", AlarmPriority::medium, what);
+    const char* const kind = oscillates ? "not following" : "step-out";
+    const double part = 100 * now.response.now / now.response.before;
+    const std::string what =
+        oscillates ? fmt::format(
+                         "at {:.2f} Hz the robot goes {:.0f} % of the way that was measured: it "
+                         "is held, or its tail or the field is not as it was",
+                         *step.stepped_out, part)
+                   : fmt::format(
+                         "at {:.2f} Hz the robot goes {:.0f} % of its way per turn: it no longer "
+                         "turns with the field, as beyond a step-out at about {:.2f} Hz",
+                         *step.stepped_out, part, now.response.step_out);
+    recorder_.event(clock_.now(), kind, what);
+    recorder_.alarm(clock_.now(), kind, AlarmPriority::medium, what);
   }
   if (step.recovered)
     recorder_.event(
-        clock_.now(), "in step",
-        fmt::format("the robot turns with the field again, below {:.2f} Hz", now.limit));
+        clock_.now(), oscillates ? "following" : "in step",
+        oscillates
+            ? std::string("the robot goes its way again")
+            : fmt::format("the robot turns with the field again, below {:.2f} Hz", now.limit));
   // Only where it begins: it lasts for many frames, and one event each would bury all others.
   if (now.unresponsive && !was_unresponsive_)
     recorder_.event(clock_.now(), "degraded",
@@ -116,11 +129,13 @@ void RotatingDrive::report(const RotatingStep& step) {
 
 void RotatingDrive::record(Time exposed) {
   const RotationState& now = state();
-  recorder_.sample(stream_, exposed,
-                   std::array{now.rotation.frequency, now.rotation.axis.x(), now.rotation.axis.y(),
-                              now.rotation.axis.z(), now.rotation.field, rotor_.phase(), now.limit,
-                              now.set_points, now.response.now, now.response.sigma,
-                              now.response.stepped_out ? 1.0 : 0.0});
+  recorder_.sample(
+      stream_, exposed,
+      std::array{now.rotation.frequency, now.rotation.axis.x(), now.rotation.axis.y(),
+                 now.rotation.axis.z(), now.rotation.field, rotor_.phase(), now.limit,
+                 now.set_points, now.response.now, now.response.sigma,
+                 now.response.stepped_out ? 1.0 : 0.0,
+                 now.rotation.swing.value_or(std::numeric_limits<double>::quiet_NaN())});
 }
 
 }  // namespace vitreo

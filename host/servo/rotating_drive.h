@@ -30,7 +30,9 @@ class RotatingDrive {
   void keep_out(const RobotClearance* clearance) { controller_.keep_out(clearance); }
   const RotationState& state() const { return controller_.state(); }
   /// Whether the robot's long axis is that of the rotation.
-  bool shows_axis() const { return rig_.model.robot.helix.has_value(); }
+  bool shows_axis() const {
+    return rig_.model.robot.helix.has_value() || rig_.model.robot.tail.has_value();
+  }
 
  private:
   void report(const RotatingStep& step);

@@ -1,8 +1,10 @@
-// Settings and state of the law "rotating": the field turns, and the robot swims, rolls or tumbles.
+// Settings and state of the law "rotating": the field turns or oscillates, and the robot swims,
+// rolls or tumbles.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "control/rotating_field.h"
+#include "control/speed_curve.h"
 #include "control/step_out.h"
 
 #include <optional>
@@ -16,7 +18,10 @@ struct RotatingSettings {
   std::optional<double> proportional{};  // 1/s; nothing: tuned
   std::optional<double> max_speed{};     // m/s, of the feedback alone; nothing: tuned
   bool recover = true;                   // at a step-out, go below it; else only tell
-  void check() const;                    // throws std::invalid_argument naming the setting
+  // Of the mode oscillating:
+  double swing = 0.7;                           // rad, of the field to either side
+  std::optional<control::SpeedCurve> speeds{};  // measured; nothing: it can be spun, not steered
+  void check() const;                           // throws std::invalid_argument naming the setting
 };
 
 /// What the field does and how the robot answers.
@@ -24,7 +29,7 @@ struct RotationState {
   control::Rotation rotation;          // as commanded
   control::RotationResponse response;  // of the robot to it
   double limit = 0;                    // Hz, the fastest now
-  double believed_step_out = 0;        // Hz, by the model
+  double believed_step_out = 0;        // Hz, by the model; 0: a tail, which has none
   double set_points = 0;               // 1/s
   bool unresponsive = false;           // moves less than it is driven, at any frequency
 };

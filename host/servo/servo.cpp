@@ -114,6 +114,7 @@ void Servo::set_offset(const Eigen::Vector3d& offset) {
   if (!(offset.norm() <= kLargest))
     throw std::invalid_argument("offset: wants at most " + format_quantity(kLargest, "m") +
                                 ", got " + format_quantity(offset.norm(), "m"));
+  loop_->view_moved(offset - loop_->source.offset());
   loop_->source.set_offset(offset);
   loop_->recorder.event(loop_->clock.now(), "offset",
                         nlohmann::json{offset.x(), offset.y(), offset.z()}.dump());

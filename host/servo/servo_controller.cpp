@@ -29,6 +29,24 @@ void require(bool good, const char* what) {
   if (!good) throw std::invalid_argument(what);
 }
 
+/// Throws std::invalid_argument naming the setting.
+const ControllerSettings& checked(const ControllerSettings& settings) {
+  require(settings.field > 0 && std::isfinite(settings.field), "field: must be above 0 T");
+  require(settings.field_max == 0 ||
+              (settings.field_max >= settings.field && std::isfinite(settings.field_max)),
+          "field_max: must be at least the field, or 0");
+  require(settings.tone >= 0 && std::isfinite(settings.tone), "tone: must be at least 0 A");
+  const auto positive = [](const std::optional<double>& own) {
+    return !own || (*own > 0 && std::isfinite(*own));
+  };
+  require(positive(settings.proportional), "proportional: must be above 0 1/s");
+  require(positive(settings.max_speed), "max_speed: must be above 0 m/s");
+  require(settings.total_limit > 0 && std::isfinite(settings.total_limit),
+          "total_limit: must be above 0 A");
+  require(settings.period > 0 && std::isfinite(settings.period), "period: must be above 0 s");
+  return settings;
+}
+
 /// The velocity commanded that keeps the margin (control::keep_out): judged is the robot's own,
 /// with what drives it beside the command, where it will be when this command acts. The rate, a
 /// quarter of the dead time's inverse, is half of the loop's bandwidth: the margin is met without
@@ -67,7 +85,7 @@ ControlLaw control_law_named(const std::string& name) {
 /// Throws std::invalid_argument naming the setting.
 ServoController::ServoController(const RigModel& model, const ControllerSettings& settings)
     : model_(model),
-      settings_(settings),
+      settings_(checked(settings)),
       drag_(control::resistance(model.robot, model.medium, settings.axis)),
       mobility_(drag_.inverse()),
       allocator_(model_, {settings.field, std::max(settings.field, settings.field_max),
@@ -75,7 +93,6 @@ ServoController::ServoController(const RigModel& model, const ControllerSettings
       pd_(settings.gains),
       velocity_(settings.velocity),
       watch_(model_) {
-  require(settings.period > 0, "period: must be above 0 s");
   require(!settings.wall_drag || model.eye.size() > 2,
           "wall_drag: needs an eye with a lens in the rig's model");
 }
@@ -95,7 +112,12 @@ ControlStep ServoController::step(double now,
   else if (taken)
     steer(step, now, *measured, path, mode);
   if (mode == ControlMode::constant) allocate(step, trim_position_, trim_);
-  if (mode == ControlMode::off) step.currents.setZero(model_.field.coils());
+  if (mode == ControlMode::off) {
+    step.currents.setZero(model_.field.coils());
+    step.field = 0;
+    step.headroom = 1;
+    step.limited = false;
+  }
   if (taken) watch(*measured, path, mode);
   step.quality = watch_.quality();
   return step;
@@ -215,13 +237,28 @@ void ServoController::watch_command(const ControlStep& step, double now,
 /// until the medium yields, standing is no fault; nor is it of one that is left alone.
 void ServoController::watch(const control::PositionMeasurement& measured, const ReferencePath& path,
                             ControlMode mode) {
-  if (mode != ControlMode::follow) return;
+  if (mode != ControlMode::follow) {
+    watch_.let_alone(measured.time, mode == ControlMode::off);
+    watched_.reset();
+    return;
+  }
   const control::Reference target = path.at(measured.time);
   control::WatchedMotion motion;
   motion.time = measured.time;
   motion.position = measured.position;
   motion.error = measured.position - target.position;
   motion.sigma = std::sqrt(measured.covariance.trace() / 3);
+  motion.reference = target.velocity;
+  // A target that turns round at once is a step on purpose, as those by which a robot is
+  // identified: a response that is off by a third moves it as a coil would that lacks as much.
+  constexpr double kStep = 1.2e-3;      // m/s, the least change that is one
+  constexpr double kStepWithin = 0.15;  // s
+  if ((target.velocity - path.at(measured.time - kStepWithin).velocity).norm() > kStep)
+    watch_.let_alone(measured.time, true);
+  if (watched_)
+    motion.turning = std::acos(std::clamp(watched_->second.dot(settings_.axis), -1.0, 1.0)) /
+                     (measured.time - watched_->first);
+  watched_.emplace(measured.time, settings_.axis);
   if (settings_.law == ControlLaw::estimator && tuning_) {
     const Eigen::Vector3d pull = -schedule_.proportional * motion.error;
     const double speed = pull.norm();
@@ -260,8 +297,13 @@ std::optional<ServoMargins> ServoController::margins() const {
   loop.command_lag = known.command_lag;
   loop.horizon = loop.command_delay + known.command_lag;
   loop.proportional = schedule_.proportional;
-  loop.position_gain = estimator_->position_gain().trace() / 3;
-  loop.velocity_gain = estimator_->velocity_gain().jacobiSvd().singularValues()[0];
+  // Both gains of one direction: what is doubtful of response and delay makes both larger along the
+  // motion. The largest of one with the mean of the other is a loop that there is not.
+  const Eigen::JacobiSVD<Eigen::Matrix3d> corrections(estimator_->velocity_gain(),
+                                                      Eigen::ComputeFullU | Eigen::ComputeFullV);
+  loop.velocity_gain = corrections.singularValues()[0];
+  loop.position_gain =
+      corrections.matrixU().col(0).dot(estimator_->position_gain() * corrections.matrixV().col(0));
   return ServoMargins{control::loop_margins(loop), schedule_, ahead_, innovations_.normalized(),
                       innovations_.correlation()};
 }
@@ -343,6 +385,11 @@ void ServoController::set_axis(const Eigen::Vector3d& axis) {
   allocator_.set_axis(axis);
 }
 
+void ServoController::view_moved(const Eigen::Vector3d& by) {
+  if (estimator_) estimator_->shift(by);
+  watch_.view_moved();
+}
+
 /// The estimator is built and tuned anew by the next measurement.
 void ServoController::reset() {
   pd_.reset();
@@ -350,6 +397,7 @@ void ServoController::reset() {
   estimator_.reset();
   innovations_.reset();
   watch_.reset();
+  watched_.reset();
   changes_ = {};
   last_commanded_.setZero();
   last_measured_ = -1e9;

@@ -18,6 +18,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace vitreo {
 class RobotClearance;
@@ -64,6 +65,11 @@ class ServoController {
   void set_axis(const Eigen::Vector3d& axis);  ///< of the field from the next step on
   /// No command brings the robot nearer to a wall than the margin, whatever the law; null: it may.
   void keep_out(const RobotClearance* borrowed) { clearance_ = borrowed; }
+  /// The robot may touch what is there: its watch does not take that for a coil's lack.
+  void may_touch(bool allowed) { watch_.may_touch(allowed); }
+  /// Measurements from now on lie aside by that, m: the view was corrected, the robot has not
+  /// moved.
+  void view_moved(const Eigen::Vector3d& by);
   /// Forgets what was measured and commanded: the currents were not sent.
   void reset();
   /// The field without force at the center: turns a robot that is not yet seen into its axis.
@@ -77,7 +83,8 @@ class ServoController {
   Eigen::Matrix3d drag_at(const Eigen::Vector3d& position) const;
   /// As tuned; nothing before the first measurement, and for other laws.
   const std::optional<control::ServoTuning>& tuning() const { return tuning_; }
-  /// Nothing before the first step that took a measurement, and for other laws. A few milliseconds.
+  /// Nothing before the second step that took a measurement, and for other laws. A few
+  /// milliseconds.
   std::optional<ServoMargins> margins() const;
   /// T: with which no limit would have cut what was asked for last (FieldAllocator::stronger).
   std::optional<double> stronger_field() const {
@@ -124,8 +131,9 @@ class ServoController {
     Eigen::Vector3d force{0, 0, 0};     // N
   } asked_;                             // of the last allocation
   LoopWatch watch_;
-  double last_measured_ = -1e9;  // s
-  double estimated_ = -1e9;      // s, of the filter\'s last measurement
+  std::optional<std::pair<double, Eigen::Vector3d>> watched_;  // s; axis then
+  double last_measured_ = -1e9;                                // s
+  double estimated_ = -1e9;  // s, of the filter\'s last measurement
 };
 
 }  // namespace vitreo

@@ -89,8 +89,8 @@ void Servo::Loop::tick() {
   // Picture k of n is due at the fraction k / (n + 1) of the way.
   if (mode == Mode::following && status.progress * (pictures + 1) >= pictures_taken + 1 &&
       pictures_taken < pictures)
-    wanted_picture =
-        fmt::format("at {:.0f} % of the path", 100.0 * ++pictures_taken / (pictures + 1));
+    wanted_picture = fmt::format("{}: at {:.0f} % of the path", to_string(settings.law),
+                                 100.0 * ++pictures_taken / (pictures + 1));
   if (!wanted_picture.empty() && !frame.image.empty())
     archive.picture(frame, observation, target, std::exchange(wanted_picture, {}));
   if (mode == Mode::following && status.progress >= 1) mode = Mode::holding;
@@ -170,6 +170,16 @@ void Servo::Loop::note_taken(const Observation& observation, const ControlStep& 
                          : "no measurement could be used for the time allowed: " + not_taken);
 }
 
+/// By a correction of the view, m, which is no motion of the robot. Of two cameras the corrected
+/// one has a share in the position that differs from frame to frame: the filter finds it out.
+void Servo::Loop::view_moved(const Eigen::Vector3d& by) {
+  // A pose sensor's readings are not corrected.
+  if (settings.feedback != Feedback::two_cameras && settings.feedback != Feedback::pose_sensor)
+    controller.view_moved(by);
+  plant.forget();
+  walls.forget();
+}
+
 void Servo::Loop::watch_plant(const Frame& frame, double now, const Observation& observation,
                               const ControlStep& step) {
   if (settings.law != ControlLaw::pd && settings.law != ControlLaw::estimator) return;
@@ -206,6 +216,18 @@ void Servo::Loop::look_at_walls(const Observation& observation) {
     status.clearance = surface.at(*observation.position, observation.noise());
 }
 
+/// A place that the filter passes over may be anybody's: the robot may as well be where the filter
+/// has it. Of each wall the nearer of both counts, until one of them is taken.
+void Servo::Loop::doubt_nearness(const control::PositionEstimate& estimate) {
+  const auto believed = surface.at(estimate.position, estimate.covariance.topLeftCorner<3, 3>());
+  if (!believed || !status.clearance) return;
+  const auto nearer = [](control::WallClearance& shown, const control::WallClearance& other) {
+    if (other.bound() < shown.bound()) shown = other;
+  };
+  nearer(status.clearance->retina, believed->retina);
+  nearer(status.clearance->lens, believed->lens);
+}
+
 void Servo::Loop::watch_walls(const Frame& frame, const control::Reference& target,
                               const ControlStep& step) {
   // Clearance and position are of this frame, the command of this turn: what the loop knew when
@@ -213,8 +235,10 @@ void Servo::Loop::watch_walls(const Frame& frame, const control::Reference& targ
   reports.kept_out(step.kept_out);
   if (!status.clearance || !status.position || may_touch || let_go) return walls.forget();
   const control::Clearance& near = *status.clearance;
+  const Eigen::Vector3d there =
+      step.passed_over && step.estimate ? step.estimate->position : *status.position;
   const WallWatch::Verdict verdict =
-      walls.see({to_seconds(frame.exposed), near, *status.position, target.position,
+      walls.see({to_seconds(frame.exposed), near, there, target.position,
                  step.kept_out || mode == Mode::released});
   if (verdict.inside && !std::exchange(was_inside, true))
     recorder.alarm(clock.now(), "keep-out margin", AlarmPriority::high,
@@ -273,6 +297,7 @@ ControlStep Servo::Loop::drive(const Frame& frame, double now, const Observation
   }
   ControlStep step = controller.step(now, measured, reference, control_mode());
   if (observation.position) remember(to_seconds(frame.exposed), step.correction);
+  if (step.passed_over && step.estimate) doubt_nearness(*step.estimate);
   // Before the first detection only the field: it turns the robot into the axis that is expected.
   const bool taken = observation.position && !step.passed_over;
   if (!seen && !taken && control_mode() != ControlMode::constant)
@@ -384,6 +409,7 @@ void Servo::Loop::set_goal(Mode wanted, const control::Trajectory& path, int wan
 void Servo::Loop::allow_touch(bool allowed) {
   walls.forget();
   keep_out(!allowed);
+  controller.may_touch(allowed);
   if (allowed != std::exchange(may_touch, allowed))
     recorder.event(clock.now(), "keep-out margin", allowed ? "off: the robot may touch" : "on");
 }

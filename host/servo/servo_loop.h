@@ -60,11 +60,13 @@ struct Servo::Loop {
                   const std::string& distrusted);
   /// Amplifiers and coils, by what the robot does. Not by the laws for media that the model does
   /// not know, nor beside a wall, where contact holds the robot.
+  void view_moved(const Eigen::Vector3d& by);
   void watch_plant(const Frame& frame, double now, const Observation& observation,
                    const ControlStep& step);
   void look_at_walls(const Observation& observation);
   /// Alarms: inside the margin, and pushed against a wall that the position does not show. In that
   /// case the view is wrong by what it shows there, and is believed so from then on.
+  void doubt_nearness(const control::PositionEstimate& estimate);
   void watch_walls(const Frame& frame, const control::Reference& target, const ControlStep& step);
   /// What the interlock judges by: the speed at which these currents alone drive the robot towards
   /// the nearest wall, by the model.

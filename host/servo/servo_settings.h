@@ -39,11 +39,14 @@ constexpr bool needs_background(Feedback feedback) {
 /// Throws std::invalid_argument with the names there are.
 Feedback feedback_named(const std::string& name);
 
-/// Another eye than the rig file's, with its projection.
+/// Another eye than the rig file's, with its projection; and by which factors the robot is larger
+/// than the file has it.
 struct CorrectedEye {
   optics::System system;
   optics::SingleViewpoint projection;
   std::optional<optics::ExactProjection> exact{};
+  double robot_length = 1;
+  double robot_width = 1;
 };
 
 /// What a calibration on the known retina (thesis 6.2) changed of the rig's view.

@@ -96,6 +96,7 @@ RunControl::~RunControl() {
 // The handler is installed for the process, and acts only where `the_control` is set.
 void RunControl::attach(ScriptHooks hooks) {
   hooks_ = std::move(hooks);
+  safe_ = false;
   the_control = this;
   // Without SA_RESTART: a system call that the script waits in returns with EINTR.
   struct sigaction action = {};
@@ -112,12 +113,12 @@ void RunControl::detach() {
 }
 
 StopTier RunControl::next(StopTier tier) noexcept {
-  return tier == StopTier::none ? StopTier::stop : StopTier::abort;
+  return tier == StopTier::none ? StopTier::stop : std::max(tier, StopTier::abort);
 }
 
 void RunControl::request(StopTier tier) noexcept {
   // At the prompt, between two statements, there is nothing to stop.
-  if (idle_) return;
+  if (idle_ || tier == StopTier::none || tier < tier_) return;
   // A higher tier includes the lower ones; the first request of each starts its deadline.
   for (int i = 1; i <= static_cast<int>(tier); ++i) {
     std::int64_t never = 0;
@@ -143,6 +144,7 @@ void RunControl::request(StopTier tier, const std::string& reason, const EndCaus
     set_reason(reason);
     const std::lock_guard lock(mutex_);
     cause_ = cause;
+    signal_is_stronger_ = false;
   }
   request(tier);
 }
@@ -153,6 +155,7 @@ void RunControl::request_by_signal(int number, pid_t sender, StopTier tier) noex
     if (sender > 0) name_of_process(sender, sender_);
     signal_ = number;
   }
+  if (!idle_ && tier > tier_) signal_is_stronger_ = true;
   request(tier);
 }
 
@@ -172,9 +175,12 @@ void RunControl::request_pause(const std::string& checkpoint) {
   pause_ = true;
   // Shown at once; it takes effect at the checkpoint.
   if (status_.phase == RunPhase::running) status_.phase = RunPhase::pause_requested;
-  status_.note =
-      checkpoint.empty() ? "at the next checkpoint" : "at the checkpoint '" + checkpoint + "'";
+  status_.note = pause_note();
   ++changes_;
+}
+
+std::string RunControl::pause_note() const {
+  return pause_at_.empty() ? "at the next checkpoint" : "at the checkpoint '" + pause_at_ + "'";
 }
 
 // A run that is paused already goes on by itself: its wait at the checkpoint sees resumed().
@@ -213,14 +219,14 @@ void RunControl::set_reason(const std::string& reason) {
 
 std::string RunControl::reason() const {
   const std::lock_guard lock(mutex_);
-  if (!reason_.empty()) return reason_;
+  if (!reason_.empty() && !signal_is_stronger_) return reason_;
   const int number = signal_;
   return number == 0 ? "by the operator" : reason_of(cause_of_signal(number, sender_.data()));
 }
 
 EndCause RunControl::cause() const {
   const std::lock_guard lock(mutex_);
-  if (!cause_.by.empty()) return cause_;
+  if (!cause_.by.empty() && !signal_is_stronger_) return cause_;
   const int number = signal_;
   return number == 0 ? EndCause{"person"} : cause_of_signal(number, sender_.data());
 }
@@ -258,6 +264,7 @@ void RunControl::set_progress(double fraction, const std::string& doing) {
   // The first percent says little about the rest.
   // Linear extrapolation of the time so far.
   status_.remaining = fraction > 0.01 ? elapsed * (1 - fraction) / fraction : -1;
+  ++changes_;
 }
 
 /// The true state: a request that the script has not felt yet is "stop requested", not "stopping".
@@ -286,7 +293,7 @@ void RunControl::begin_stopping() {
 // so that the faces can ask for the status meanwhile.
 void RunControl::make_safe() {
   // Once, by whichever comes first: the script's thread or the watchdog.
-  if (safe_.exchange(true) || !hooks_.make_safe) return;
+  if (!hooks_.make_safe || safe_.exchange(true)) return;
   std::vector<std::string> failures = hooks_.make_safe();
   const std::lock_guard lock(mutex_);
   failures_.insert(failures_.end(), failures.begin(), failures.end());
@@ -300,17 +307,20 @@ std::vector<std::string> RunControl::failures() const {
 /// Busy: a new statement, with a stop, a reason and a safe state of its own.
 void RunControl::set_idle(bool idle) {
   if (!idle) {
+    std::string note;
     tier_ = StopTier::none;
     for (auto& time : requested_at_) time = 0;
     safe_ = false;
     felt_ = false;
     set_reason("");
     signal_ = 0;
+    signal_is_stronger_ = false;
     {
       const std::lock_guard lock(mutex_);
       cause_ = {};
+      if (pause_) note = pause_note();
     }
-    set_phase(pause_ ? RunPhase::pause_requested : RunPhase::running);
+    set_phase(pause_ ? RunPhase::pause_requested : RunPhase::running, note);
   }
   idle_ = idle;
 }

@@ -95,7 +95,7 @@ class RunControl {
   std::vector<std::string> failures() const;
 
   /// For the prompt: between two statements there is nothing to stop. Becoming busy forgets what
-  /// was asked before.
+  /// was asked before; a pause is of the next statement.
   void set_idle(bool idle);
 
   /// For the watchdog: waits up to `patience` for a request.
@@ -105,6 +105,7 @@ class RunControl {
   std::optional<std::chrono::steady_clock::duration> since(StopTier tier) const;
 
  private:
+  std::string pause_note() const;  // under mutex_
   friend void deliver_to_script() noexcept;
   friend RunControl* attached_control() noexcept;
   ScriptHooks hooks_;
@@ -122,6 +123,7 @@ class RunControl {
   // The first signal that asked for an end, and what its sender is called: a name of Linux' has 15
   // characters. Written before `signal_`, and not again until it is 0.
   std::atomic<int> signal_{0};
+  std::atomic<bool> signal_is_stronger_{false};  // than the request whose reason is known
   std::array<char, 16> sender_{};
   sem_t request_;
   mutable std::mutex mutex_;  // of what follows; never taken in a signal handler

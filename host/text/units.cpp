@@ -14,6 +14,8 @@ namespace {
 // Of the smallest unit there is: what a subtraction of doubles leaves counts as zero.
 constexpr double kNothing = 1e-8;
 
+constexpr double kLargestDifference = 199;  // K; what is larger is a temperature, in degC
+
 constexpr double kDegree = std::numbers::pi / 180;
 
 constexpr Unit kCelsius{"degC", "K", 1, "a temperature", 273.15};
@@ -352,11 +354,14 @@ namespace {
 Shown plain_shown(double in_si, std::string_view dimension, int digits) {
   if (!std::isfinite(in_si)) return {format_number(in_si), ""};
   const double value = rounded(in_si, std::clamp(digits, 1, 17));  // 999.9 um is 1 mm
-  const std::string_view symbol = symbol_for(std::fabs(value), dimension);
+  // Below zero kelvins are a difference, however large.
+  const bool difference = dimension == "K" && value < 0;
+  const double size = difference ? std::min(-value, kLargestDifference) : std::fabs(value);
+  const std::string_view symbol = symbol_for(size, dimension);
   const std::optional<Unit> unit = find_unit(symbol);
   double number = unit ? unit->from_si(in_si) : in_si;
   if (unit && unit->factor < 1 && std::fabs(number) < kNothing) number = 0;
-  return {format_number(number, digits), std::string(symbol)};
+  return {format_number(number, digits), std::string(unit ? unit->symbol : symbol)};
 }
 
 }  // namespace

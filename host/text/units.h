@@ -57,14 +57,14 @@ struct DisplayUnit {
 std::vector<DisplayUnit> display_units(std::string_view unit);
 
 /// A value as people read it, and its unit in print: {"220", "µm"}; {"1 min 02 s", ""} for a time
-/// of a minute and more.
+/// of 59.5 s and more, which in whole seconds is a minute.
 struct Shown {
   std::string number;
   std::string unit;
 };
 /// `unit`: a dimension (SI), shown in the display unit of that size, or a declared unit such as
-/// "um", "%" or "degC", which is kept. A temperature of 200 K and more is shown in °C, a smaller
-/// one is a difference and stays in K.
+/// "um", "%" or "degC", which is kept. A temperature of 200 K and more (as rounded to `digits`)
+/// is shown in °C; what is smaller or negative is a difference and stays in K.
 Shown show_quantity(double in_si, std::string_view unit, int digits = 3);
 
 /// Number and unit, joined by `space` unless the unit follows without one: "30°".

@@ -7,8 +7,7 @@
 
 #include <Eigen/Core>
 
-#include <cstdint>
-#include <string>
+#include <cstddef>
 #include <vector>
 
 namespace vitreo::optics {
@@ -31,18 +30,41 @@ struct ChainMinimum {
   double chi2 = 0;  // of the measurements and of what was known beforehand
 };
 
+enum class SessionStatus {
+  found,          // one minimum, whose chi2 is that of a right session
+  ambiguous,      // several minima: twins
+  misfit,         // no chain within the priors explains all of the session
+  not_converged,  // no start came to rest at a minimum
+};
+const char* to_string(SessionStatus status);
+
+/// A look that the chain of the others does not explain.
+struct LookMisfit {
+  std::size_t look = 0;  // of the session
+  double chi2 = 0;       // of its rows, by a solve in which it hardly counts
+};
+
 struct ChainEstimate {
+  /// Of `misfit` and `not_converged` the belief is no result: its covariance is that of a minimum
+  /// which the session contradicts.
+  SessionStatus status = SessionStatus::found;
   /// The best minimum. With twins its covariance is that of all minima, weighted by exp(-chi2 / 2),
   /// about the best.
   ChainBelief belief;
-  std::vector<ChainMinimum> minima;  // the best first
+  std::vector<ChainMinimum> minima{};  // the best first
   double chi2 = 0;
-  int degrees_of_freedom = 0;           // numbers measured and known beforehand less unknowns
-  std::vector<Eigen::Vector3d> places;  // of the looks, nominal eye frame
-  int ended_starts = 0;                 // that led to a minimum
+  int degrees_of_freedom = 0;             // numbers measured and known beforehand less unknowns
+  std::vector<Eigen::Vector3d> places{};  // of the looks, nominal eye frame
+  int ended_starts = 0;                   // that led to a minimum
+  double chi2_limit = 0;                  // a right session is above it in one case of 200
+  /// Of a misfit, the looks without which the rest fits, the worst first. Empty: it is not a few
+  /// looks, but the chain (a part that is not in it, a wrong sigma) or a number measured wrongly.
+  std::vector<LookMisfit> outliers{};
 };
 
 /// Least squares (Ceres) of the priors and all measurements; every look has its own place and axis.
+/// A session that does not fit, and not for a few of its looks, is tried again from four more
+/// starts before it is called so.
 /// Throws std::invalid_argument naming a bad measurement, or `session` when no start leads to a
 /// minimum.
 ChainEstimate estimate_chain(const NominalChain& nominal, const ChainSigmas& sigmas,

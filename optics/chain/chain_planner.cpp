@@ -16,20 +16,10 @@ constexpr double kFramePixels = 0.2;    // px, of one frame
 constexpr double kLookPixels = 0.05;    // px, of an average: not less, what stays is systematic
 constexpr double kPlannedAxis = 0.035;  // rad
 
-// What a tracker will see there, by the belief: a plan has no data, and the information of a look
-// depends on where it is taken, not on what noise it will have.
-OutlineSeen outline_in(const ViewingChain& chain, const Eigen::Vector3d& place,
-                       const Eigen::Vector3d& axis, double sigma_px, bool& shown) {
-  OutlineSeen seen;
-  const auto ellipse = shown_ellipse(chain, {place, axis, chain.nominal().image.center_px});
-  shown = ellipse.has_value();
-  if (!shown) return seen;
-  seen.ellipse = ellipse_from(*ellipse);
-  seen.covariance = sigma_px * sigma_px * EllipseCovariance::Identity();
-  const double difference = std::max(seen.ellipse[2] - seen.ellipse[3], 1.0);
-  seen.covariance(4, 4) = sigma_px * sigma_px / (difference * difference);
-  seen.axis_sigma = kPlannedAxis;
-  return seen;
+std::optional<OutlineSeen> outline_at(const ViewingChain& chain, const Eigen::Vector3d& place,
+                                      const Eigen::Vector3d& axis, double sigma_px) {
+  return planned_outline(chain, {place, axis, chain.nominal().image.center_px}, sigma_px,
+                         kPlannedAxis);
 }
 
 /// Rows of d goal / d theta over the workspace, m per sigma; of the place aside one for each
@@ -43,10 +33,10 @@ Eigen::MatrixXd goal_rows(const ChainBelief& belief, PlanGoal goal) {
     rows.row(rows.rows() - 1) = row;
   };
   for (const Eigen::Vector3d& place : workspace_places()) {
-    bool shown = false;
     const Eigen::Vector3d axis(1, 0, 0);
-    const OutlineSeen seen = outline_in(belief.chain, place, axis, kFramePixels, shown);
-    if (!shown) continue;
+    const auto outline = outline_at(belief.chain, place, axis, kFramePixels);
+    if (!outline) continue;
+    const OutlineSeen& seen = *outline;
     const auto doubt =
         position_doubt(belief, {place, axis, seen.ellipse.head<2>()}, seen, PositionFit::weighted);
     if (!doubt) continue;
@@ -90,9 +80,9 @@ PlanCandidate flight(const ChainBelief& belief, const char* name, int frames, do
     ChainLook look;
     look.axis = {std::cos(azimuth) * std::cos(pitch), std::sin(azimuth) * std::cos(pitch),
                  std::sin(pitch)};
-    bool shown = false;
-    look.seen = outline_in(belief.chain, places[i], look.axis, sigma_px, shown);
-    if (!shown) continue;
+    const auto outline = outline_at(belief.chain, places[i], look.axis, sigma_px);
+    if (!outline) continue;
+    look.seen = *outline;
     if (known_sigma > 0) {
       look.known = places[i];
       look.known_sigma.setConstant(known_sigma);
@@ -117,9 +107,9 @@ PlanCandidate landings(const ChainBelief& belief) {
         nominal_retina(belief.chain, aside) + retina_offset(belief.chain, aside) + lying;
     ChainLook look;
     look.axis = {1, 0, 0};
-    bool shown = false;
-    look.seen = outline_in(belief.chain, place, look.axis, kLookPixels, shown);
-    if (!shown) continue;
+    const auto outline = outline_at(belief.chain, place, look.axis, kLookPixels);
+    if (!outline) continue;
+    look.seen = *outline;
     look.contact_sigma = 30e-6;
     look.lying_height = lying;
     session.looks.push_back(look);
@@ -162,6 +152,19 @@ std::optional<PlanCandidate> numbers(const ChainBelief& belief, const char* name
 }
 
 }  // namespace
+
+std::optional<OutlineSeen> planned_outline(const ViewingChain& chain, const RobotPlace& place,
+                                           double sigma_px, double axis_sigma) {
+  const auto ellipse = shown_ellipse(chain, place);
+  if (!ellipse) return std::nullopt;
+  OutlineSeen seen;
+  seen.ellipse = ellipse_from(*ellipse);
+  seen.covariance = sigma_px * sigma_px * EllipseCovariance::Identity();
+  const double difference = std::max(seen.ellipse[2] - seen.ellipse[3], 1.0);
+  seen.covariance(4, 4) = sigma_px * sigma_px / (difference * difference);
+  seen.axis_sigma = axis_sigma;
+  return seen;
+}
 
 // Five layers of five; each layer is turned against the last, so that no meridian is preferred.
 std::vector<Eigen::Vector3d> workspace_places() {

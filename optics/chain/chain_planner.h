@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,12 @@ struct PlanStep {
   std::string name;
   double leaves = 0;  // m, one sigma: median over the workspace
 };
+
+/// What a tracker of this noise (px, of center and semi-axes) will see there by the chain, the axis
+/// known to `axis_sigma` (rad): a plan has no data, and the information of a look depends on where
+/// it is taken, not on what noise it will have. Nothing where the chain does not show it.
+std::optional<OutlineSeen> planned_outline(const ViewingChain& chain, const RobotPlace& place,
+                                           double sigma_px, double axis_sigma);
 
 /// Places evenly over the workspace, 4 mm about the axis and 2 to 9 mm before the retina.
 std::vector<Eigen::Vector3d> workspace_places();

@@ -22,23 +22,33 @@ ChainLook chain_look(const EyeLook& look) {
 }  // namespace
 
 /// No part of the bench can turn, so that there are no twins to be started from.
-Prescription most_probable_eye(const NominalChain& nominal, const EyeLook& look) {
+ProbableView most_probable_view(const NominalChain& nominal, const EyeLook& look,
+                                const BenchDoubt& bench) {
   constexpr double kUnknown = std::numeric_limits<double>::infinity();
   ChainLook at_height = chain_look(look);
   at_height.known = {0, 0, look.known_z};
   at_height.known_sigma = {kUnknown, kUnknown, look.known_z_sigma};
   ChainSigmas sigmas = ChainSigmas::none();
   sigmas.eye = applicable(table_5_1(), nominal.prescription);
+  sigmas.pixel = bench.pixel;
+  sigmas.robot_size = bench.robot_size;
   ChainSession session;
   session.looks.push_back(at_height);
   ChainEstimatorSettings once;
   once.starts = 1;
-  const ChainEstimate made = estimate_chain(nominal, sigmas, session, once);
-  Prescription eye = nominal.prescription;
-  const ViewingChain& chain = made.belief.chain;
+  const ViewingChain chain = estimate_chain(nominal, sigmas, session, once).belief.chain;
+  const auto off = [&](const char* name, double sigma) {
+    return sigma > 0 ? 1 + sigma * chain.theta()[index_of(chain.parameters(), name)] : 1;
+  };
+  ProbableView view{nominal.prescription, off("pixel", bench.pixel),
+                    off("robot_length", bench.robot_size), off("robot_width", bench.robot_size)};
   for (const Uncertainty& one : sigmas.eye)
-    eye = perturbed(eye, one, chain.theta()[index_of(chain.parameters(), one.parameter)]);
-  return eye;
+    view.eye = perturbed(view.eye, one, chain.theta()[index_of(chain.parameters(), one.parameter)]);
+  return view;
+}
+
+Prescription most_probable_eye(const NominalChain& nominal, const EyeLook& look) {
+  return most_probable_view(nominal, look, {}).eye;
 }
 
 /// Information is additive: C = (C_prior^-1 + H)^-1.

@@ -15,6 +15,25 @@ struct EyeLook {
   double known_z_sigma = 0.01e-3;  // m, above 0; by default what a retina is rough
 };
 
+/// What else the look's size may come from, relative sigmas: a bench that is not quite as believed.
+/// The microscope's tilt is not among them: of one look it moves the place alone.
+struct BenchDoubt {
+  double pixel = 0;
+  double robot_size = 0;  // of length and width each
+};
+
+/// The most probable view by table 5.1, bench and look: the eye, and by which factors pixel and
+/// robot are larger than believed. With a doubt of 0 a factor is 1.
+struct ProbableView {
+  Prescription eye;
+  double pixel = 1;
+  double robot_length = 1;
+  double robot_width = 1;
+};
+/// Throws as most_probable_eye().
+ProbableView most_probable_view(const NominalChain& nominal, const EyeLook& look,
+                                const BenchDoubt& bench);
+
 /// The eye whose numbers are the most probable by table 5.1 and the look; microscope, image and
 /// robot count as known. A scale that is put right at one height is wrong at all others by as much
 /// as the chief rays' meeting point is off; which of the eye's numbers makes a magnification what

@@ -70,37 +70,62 @@ LineOf<T> line_in_air(const Eigen::Matrix<T, 7, 1>& numbers, const Vector2<T>& i
   return line_through(point, direction);
 }
 
+/// A surface as it stands in the chain. Its turn is made once: a frame asks for hundreds of lines.
+template <class T>
+struct ChainStep {
+  ChainSurface<T> surface;
+  Eigen::Matrix<T, 3, 3> turn;  // nominal eye frame from the surface's own
+  Vector3<T> vertex;
+  T ratio;  // index outside / inside
+};
+
+/// `numbers` as SurfaceNumbers.
+template <class T>
+ChainStep<T> chain_step(const Surface& shape, const Eigen::Matrix<T, 7, 1>& numbers) {
+  const auto& [a4, a6, a8, a10] = shape.aspheric;
+  return {{numbers[5], T(shape.conic), {T(a4), T(a6), T(a8), T(a10)}, is_asphere(shape)},
+          turned_by(numbers[3], numbers[4]),
+          {numbers[0], numbers[1], numbers[2]},
+          numbers[6]};
+}
+
+/// What happens at a surface, in its own frame: where it is hit, its unit normal there, and the
+/// direction inwards before it, with the cosines of Snell's law.
+template <class T>
+struct ChainRefraction {
+  Vector3<T> hit;
+  Vector3<T> normal;
+  Vector3<T> direction;
+  T cos_in;
+  T cos_out;
+};
+
 /// The line on the inner side of a surface whose outer side it meets. Snell's law in vector form,
 /// as refract(). False where it misses or all is reflected.
 template <class T>
-bool refract_inwards(const Surface& shape, const Eigen::Matrix<T, 7, 1>& numbers, LineOf<T>& line) {
+bool refract_inwards(const ChainStep<T>& at, LineOf<T>& line, ChainRefraction<T>& made) {
   using std::sqrt;
-  const auto& [a4, a6, a8, a10] = shape.aspheric;
-  const ChainSurface<T> surface{
-      numbers[5], T(shape.conic), {T(a4), T(a6), T(a8), T(a10)}, is_asphere(shape)};
-  const Eigen::Matrix<T, 3, 3> turn = turned_by(numbers[3], numbers[4]);
-  const Vector3<T> vertex(numbers[0], numbers[1], numbers[2]);
-  const Vector3<T> at_vertex(line[0] + line[2] * vertex.z() - vertex.x(),
-                             line[1] + line[3] * vertex.z() - vertex.y(), T(0));
+  const Vector3<T> at_vertex(line[0] + line[2] * at.vertex.z() - at.vertex.x(),
+                             line[1] + line[3] * at.vertex.z() - at.vertex.y(), T(0));
   const T length = sqrt(1.0 + line[2] * line[2] + line[3] * line[3]);
   const Vector3<T> outwards(line[2] / length, line[3] / length, 1.0 / length);
-  Vector3<T> d = turn.transpose() * -outwards;
-  const Vector3<T> origin = turn.transpose() * at_vertex;
+  const Vector3<T> d = at.turn.transpose() * -outwards;
+  const Vector3<T> origin = at.turn.transpose() * at_vertex;
   const T to_plane = -origin.z() / d.z();
   const Vector3<T> plane_point(origin.x() + to_plane * d.x(), origin.y() + to_plane * d.y(), T(0));
   T s(0);
-  const TraceStatus met = surface.asphere ? meet_asphere(surface, plane_point, d, s)
-                                          : meet_conic(surface, plane_point, d, s);
+  const TraceStatus met = at.surface.asphere ? meet_asphere(at.surface, plane_point, d, s)
+                                             : meet_conic(at.surface, plane_point, d, s);
   if (met != TraceStatus::ok) return false;
-  const Vector3<T> hit = plane_point + s * d;
-  const Vector3<T> normal = unit_normal(surface, hit);
-  const T ratio = numbers[6];
-  const T cos_in = d.dot(normal);
-  const T cos2_out = 1.0 - ratio * ratio * (1.0 - cos_in * cos_in);
+  made.hit = plane_point + s * d;
+  made.normal = unit_normal(at.surface, made.hit);
+  made.direction = d;
+  made.cos_in = d.dot(made.normal);
+  const T cos2_out = 1.0 - at.ratio * at.ratio * (1.0 - made.cos_in * made.cos_in);
   if (!(cos2_out >= 0.0)) return false;
-  const T cos_out = -sqrt(cos2_out);  // inwards, against the normal
-  d = ratio * d + (cos_out - ratio * cos_in) * normal;
-  line = line_through<T>(vertex + turn * hit, turn * d);
+  made.cos_out = -sqrt(cos2_out);  // inwards, against the normal
+  const Vector3<T> inwards = at.ratio * d + (made.cos_out - at.ratio * made.cos_in) * made.normal;
+  line = line_through<T>(at.vertex + at.turn * made.hit, at.turn * inwards);
   return true;
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/chain/viewing_chain.h"
 
-#include "optics/chain/line_step.h"
+#include "optics/chain/line_derivative.h"
 #include "optics/numerics/preconditions.h"
 
 #include <Eigen/Dense>
@@ -14,8 +14,6 @@ namespace vitreo::optics {
 namespace {
 
 constexpr int kNumbers = 7;
-/// Of a surface: the line that comes, and the surface's own numbers.
-using SurfaceJet = ceres::Jet<double, 4 + kNumbers>;
 /// Of the microscope: the pixel and its own numbers.
 using MicroscopeJet = ceres::Jet<double, 2 + kNumbers>;
 using ByTheta = Eigen::Matrix<double, kNumbers, Eigen::Dynamic>;
@@ -55,6 +53,8 @@ ViewingChain::ViewingChain(const NominalChain& nominal, std::vector<ChainParamet
   detail::require(layout.surfaces().size() <= LineDerivatives::kMostSurfaces,
                   "prescription: the chain takes 16 surfaces");
   placed_ = layout.place(theta_);
+  for (std::size_t k = 0; k < placed_.surfaces.size(); ++k)
+    steps_.push_back(detail::chain_step<double>(layout.surfaces()[k + 1], placed_.surfaces[k]));
   surfaces_by_theta_.assign(placed_.surfaces.size(), ByTheta::Zero(kNumbers, size()));
   microscope_by_theta_ = ByTheta::Zero(kNumbers, size());
   for (Eigen::Index i = 0; i < size(); ++i) {
@@ -83,15 +83,15 @@ void ViewingChain::find_own() {
 std::optional<VitreousLine> ViewingChain::line(const Eigen::Vector2d& pixel_px) const {
   VitreousLine line =
       detail::line_in_air<double>(placed_.microscope, image_point(nominal_.image, pixel_px));
-  const auto& shapes = nominal_.prescription.system.surfaces;
-  for (std::size_t k = placed_.surfaces.size(); k-- > 0;)
-    if (!detail::refract_inwards<double>(shapes[k + 1], placed_.surfaces[k], line))
-      return std::nullopt;
+  detail::ChainRefraction<double> met;
+  for (std::size_t k = steps_.size(); k-- > 0;)
+    if (!detail::refract_inwards(steps_[k], line, met)) return std::nullopt;
   if (!line.allFinite()) return std::nullopt;
   return line;
 }
 
-/// Each step is differentiated by the line that comes and by its own seven numbers, in one pass.
+/// Each step is differentiated by the line that comes and by its own seven numbers, in one pass:
+/// the microscope's by Jets, a surface's in closed form.
 std::optional<LineDerivatives> ViewingChain::differentiated_line(
     const Eigen::Vector2d& pixel_px) const {
   const Eigen::Vector2d at = image_point(nominal_.image, pixel_px);
@@ -105,18 +105,11 @@ std::optional<LineDerivatives> ViewingChain::differentiated_line(
     made.by_pixel.row(i) << -start[i].v[0], start[i].v[1];
     made.by_microscope.row(i) = start[i].v.tail<kNumbers>();
   }
-  const auto& shapes = nominal_.prescription.system.surfaces;
-  for (std::size_t k = placed_.surfaces.size(); k-- > 0;) {
-    detail::LineOf<SurfaceJet> line;
-    for (int i = 0; i < 4; ++i) line[i] = SurfaceJet(made.line[i], i);
-    if (!detail::refract_inwards<SurfaceJet>(shapes[k + 1],
-                                             jets_of<SurfaceJet, 4>(placed_.surfaces[k]), line))
-      return std::nullopt;
-    for (int i = 0; i < 4; ++i) {
-      made.line[i] = line[i].a;
-      made.through[k].row(i) = line[i].v.head<4>();
-      made.own[k].row(i) = line[i].v.tail<kNumbers>();
-    }
+  detail::StepDerivative by;
+  for (std::size_t k = steps_.size(); k-- > 0;) {
+    if (!detail::refract_inwards(steps_[k], made.line, by)) return std::nullopt;
+    made.through[k] = by.leftCols<4>();
+    made.own[k] = by.rightCols<kNumbers>();
     made.by_pixel = (made.through[k] * made.by_pixel).eval();
   }
   if (!made.line.allFinite()) return std::nullopt;

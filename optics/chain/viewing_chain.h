@@ -4,6 +4,7 @@
 #pragma once
 
 #include "optics/chain/chain_layout.h"
+#include "optics/chain/line_step.h"
 
 #include <Eigen/Core>
 
@@ -104,6 +105,7 @@ class ViewingChain {
   std::array<Own, 12> own_{};
   Eigen::Index eye_size_ = 0;
   detail::PlacedChain placed_;
+  std::vector<detail::ChainStep<double>> steps_;  // of the surfaces, from the vitreous outwards
   // by theta, of each surface's and the microscope's numbers
   std::vector<Eigen::Matrix<double, 7, Eigen::Dynamic>> surfaces_by_theta_;
   Eigen::Matrix<double, 7, Eigen::Dynamic> microscope_by_theta_;

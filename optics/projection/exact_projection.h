@@ -21,9 +21,9 @@ namespace vitreo::optics {
 /// lens, in the iris' shadow and beyond where lines cross it gives nothing.
 class ExactProjection {
  public:
-  /// Covers |m| up to max_m (of each component, when there is no symmetry), or as far as rays come
-  /// through. `tabulated`: forces the grid, for comparison. Throws std::invalid_argument for bad
-  /// arguments, and when too few rays come through.
+  /// Covers |m| up to max_m (of each component without symmetry; telecentric, from the eye's axis),
+  /// or as far as rays come through. `tabulated`: forces the grid, for comparison. Throws
+  /// std::invalid_argument for bad arguments, and when too few rays come through.
   ExactProjection(const System& system, const Microscope& microscope, double max_m,
                   bool tabulated = false);
 
@@ -41,7 +41,7 @@ class ExactProjection {
   bool line(const Eigen::Vector2d& m, detail::IsopixelLine& line) const;
 
   double max_m() const { return symmetric_ ? radial_.max_m() : grid_.max_m(); }
-  double max_z() const { return max_z_; }  // m; lines do not cross before
+  double max_z() const { return max_z_; }  // m; beyond, lines cross or the lens is
   /// m in the aerial image, table against trace, where checked.
   double max_residual() const { return max_residual_; }
   bool symmetric() const { return symmetric_; }

@@ -88,9 +88,10 @@ local function trajectory(run, span, title, axis, shown)
   run:plot { title = title, x = { "x", "mm" }, y = { axis, "mm" }, equal_aspect = true, series = all }
 end
 
--- |reference - servo's channel| at the servo's times; the reference is taken at its nearest sample.
-local function distances(run, span, prefix, axes)
-  local channels, distance = {}, {}
+-- Reference less the servo's channel along each axis, at the servo's times `time`; the reference is taken at its nearest
+-- sample. NaN where there is none.
+local function offsets(run, span, prefix, axes)
+  local channels, offset = {}, {}
   for i, axis in ipairs(axes) do
     channels[i] = prefix .. axis
   end
@@ -99,25 +100,60 @@ local function distances(run, span, prefix, axes)
   for _, axis in ipairs(axes) do
     local truth, servo = reference[axis], seen[prefix .. axis]
     local near = 1
+    offset[axis] = {}
     for i = 1, #servo do
       while near < #truth and math.abs(truth_times[near + 1] - servo_times[i]) <= math.abs(truth_times[near] - servo_times[i]) do
         near = near + 1
       end
-      distance[i] = (distance[i] or 0) + (truth[near] and (truth[near] - servo[i]) ^ 2 or 0)
+      offset[axis][i] = truth[near] and truth[near] - servo[i] or 0 / 0
     end
   end
-  for i = 1, #distance do
-    distance[i] = distance[i] ^ 0.5
+  offset.time = servo_times
+  return offset
+end
+
+-- The axes that the reference has.
+local function axes_of(run) return judge.reference(run) == "truth" and { "x", "y", "z" } or { "x", "z" } end
+
+--- Rms of the robot's distance from its target in a span {from, to} when its place is taken as its mean over `window`
+--- seconds: what the loop is off by of a robot that goes to and fro as it swims. m.
+function judge.mean_way(run, options, window)
+  local span, axes = { from = options.from, to = options.to }, axes_of(run)
+  local offset, first, sums, squares, count = offsets(run, span, "target_", axes), 1, {}, 0, 0
+  for i, time in ipairs(offset.time) do
+    for _, axis in ipairs(axes) do
+      sums[axis] = (sums[axis] or 0) + offset[axis][i]
+    end
+    while offset.time[first] <= time - window do
+      for _, axis in ipairs(axes) do
+        sums[axis] = sums[axis] - offset[axis][first]
+      end
+      first = first + 1
+    end
+    if first > 1 then -- a whole window
+      count = count + 1
+      for _, axis in ipairs(axes) do
+        squares = squares + (sums[axis] / (i - first + 1)) ^ 2
+      end
+    end
   end
-  return { x = servo_times, y = distance }
+  if count == 0 then error("the span is shorter than the window", 2) end
+  return math.sqrt(squares / count)
 end
 
 --- Distances of the robot's place from the servo's ("") or from its target ("target_") in a span {from, to}: a series of
 --- times x and values y.
 function judge.distances(run, options, prefix)
-  local span = { from = options.from, to = options.to }
-  local axes = judge.reference(run) == "truth" and { "x", "y", "z" } or { "x", "z" }
-  return distances(run, span, prefix, axes)
+  local axes = axes_of(run)
+  local offset, distance = offsets(run, { from = options.from, to = options.to }, prefix, axes), {}
+  for i in ipairs(offset.time) do
+    local squares = 0
+    for _, axis in ipairs(axes) do
+      squares = squares + offset[axis][i] ^ 2
+    end
+    distance[i] = squares ^ 0.5
+  end
+  return { x = offset.time, y = distance }
 end
 
 local function error_plot(run, span, which)

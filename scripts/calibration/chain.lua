@@ -12,12 +12,13 @@ chain.contour_sigma = 0.15
 --- m, of the plane in focus of a microscope that was focused by eye.
 chain.focus_sigma = 0.5 * mm
 
---- The rig's chain as it is believed, with `uncertainty` as optical_system:viewing_chain takes it.
+--- The rig's chain as it is believed, with `uncertainty` as optical_system:viewing_chain takes it. Its robot is a spheroid: of a
+--- cylinder the looks' ellipses would have to be converted first, as view:calibrate does.
 function chain.believed(rig, uncertainty)
   local model = rig:model()
   return rig:eye():viewing_chain {
     microscope = model.microscope,
-    body = model.robot,
+    body = { shape = "spheroid", half_length = model.robot.half_length, radius = model.robot.radius },
     pixel = model.pixel,
     center = model.center_px,
     uncertainty = uncertainty,
@@ -107,6 +108,77 @@ function chain.rows(numbers)
     rows[i] = { one.parameter, ("%.4g"):format(one.off), ("%.2g"):format(one.sigma) }
   end
   return rows
+end
+
+-- The session without the looks of these numbers.
+local function without(session, outliers)
+  local left, rest = {}, {}
+  for _, one in ipairs(outliers) do
+    left[one.look] = true
+  end
+  for name, value in pairs(session) do
+    rest[name] = value
+  end
+  rest.looks = {}
+  for i, look in ipairs(session.looks) do
+    if not left[i] then rest.looks[#rest.looks + 1] = look end
+  end
+  return rest
+end
+
+-- The session with outlines that are `factor` times as far from the model's.
+local function with_outlines(session, factor)
+  local other, looks = {}, {}
+  for i, look in ipairs(session.looks) do
+    looks[i] = {}
+    for name, value in pairs(look) do
+      looks[i][name] = value
+    end
+    looks[i].contour_sigma = factor * (look.contour_sigma or chain.contour_sigma)
+  end
+  for name, value in pairs(session) do
+    other[name] = value
+  end
+  other.looks = looks
+  return other
+end
+
+local function explained(made) return made.status == "found" or made.status == "ambiguous" end
+
+--- Calibrates a chain by a session, as viewing_chain:calibrate takes it. A session that no chain explains is refused with its
+--- cause. Where it is a few looks (a place that the other camera had wrong, another thing for the robot), they are named and
+--- left out, a tenth of them at most. Else outlines are taken for as far from the model's as the session says, up to three times
+--- `chain.contour_sigma`, which makes every uncertainty larger; what does not fit then is wrong by more than an outline.
+function chain.calibrate(run, believed, session)
+  local made, factor = believed:calibrate(session), 1
+  local bad = made.outliers
+  for _, one in ipairs(bad) do
+    run:note(("look %d does not fit the others: chi square %.0f"):format(one.look, one.chi2))
+  end
+  if not explained(made) and #bad > 0 and 10 * #bad <= #session.looks then
+    session = without(session, bad)
+    made = believed:calibrate(session)
+    run:note(("%d looks were left out"):format(#bad))
+  end
+  while not explained(made) and #made.outliers == 0 and factor < 3 do
+    factor = factor + 0.5
+    made = believed:calibrate(with_outlines(session, factor))
+  end
+  run:result("session_outliers", #bad)
+  run:result("session_outline_factor", factor)
+  if explained(made) then
+    if factor > 1 then run:note(("outlines are %.1f times as far from the model's as believed"):format(factor)) end
+    return made
+  end
+  local cause = made.status == "not_converged" and "the estimate did not come to rest"
+    or #made.outliers > 0 and ("%d of its looks do not fit the others"):format(#made.outliers)
+    or "no few looks are the cause: a number is measured wrongly, or the bench is not as its priors have it"
+  local fit = ("chi square %.0f of %d degrees of freedom, at most %.0f"):format(
+    made.chi2,
+    made.degrees_of_freedom,
+    made.chi2_limit
+  )
+  error(("the session does not fit any chain (%s): %s"):format(fit, cause), 0)
 end
 
 --- A table of what was learned of each parameter, the results of the session, and what would be measured best next.

@@ -48,9 +48,16 @@ end
 local look_sigma, contour_sigma = 0.05, 0.1
 
 -- What only the correction "eye" asks for. A robot that stands or lies askew is longer or shorter, which its prior allows for.
-local function of_eye(options)
+-- What rig file and bench leave open of pixel and robot takes its part of what the look shows.
+local function of_eye(options, known)
   if options.correction ~= "eye" then return {} end
-  return { axis_sigma = options.axis_sigma or 4 * units.deg, contour_sigma = contour_sigma, sigma = look_sigma }
+  return {
+    axis_sigma = options.axis_sigma or 4 * units.deg,
+    contour_sigma = contour_sigma,
+    sigma = look_sigma,
+    pixel_sigma = known.pixel,
+    size_sigma = known.size,
+  }
 end
 
 --- Lays the robot on the retina under `above` and returns what view:calibrate says: `localizer` is the view for rig:servo.
@@ -60,7 +67,7 @@ end
 --- and `trim` is to be taken back.
 function retina.calibrate(rig, run, servo, options)
   local model = rig:model()
-  local above = options.above or model.eye_in_world + vector(0, 0, 2 * mm)
+  local above = options.above or model.eye_in_world + vector(0, 0, 3.2 * mm) -- clear of the margin, upright in an unknown eye too
   local trim = bring.sink(run, servo, above, { time = options.time })
   local from = run:now()
   run:wait(options.listen or 2 * s)
@@ -78,7 +85,7 @@ function retina.calibrate(rig, run, servo, options)
   local thin = upright and model.robot.half_length or model.robot.radius
   lies.height = retina.resting_height(model.retina_radius, thin, math.min(aside, 0.5 * model.retina_radius))
     + (options.depth_error or 0)
-  local wanted = of_eye(options)
+  local wanted = of_eye(options, model.uncertainty)
   seen.sigma = wanted.sigma
   if options.by_width and options.correction ~= "eye" then
     seen = by_width(view, model.robot, seen, vector(x, y, lies.height), axis)
@@ -91,6 +98,8 @@ function retina.calibrate(rig, run, servo, options)
     correction = options.correction,
     axis_sigma = wanted.axis_sigma,
     contour_sigma = wanted.contour_sigma,
+    pixel_sigma = wanted.pixel_sigma,
+    size_sigma = wanted.size_sigma,
   }
   run:note(
     ("calibrated on the retina: %s, residual %.3f µm"):format(

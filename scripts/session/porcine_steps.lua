@@ -51,7 +51,7 @@ function steps.prepare(list, p)
     local pressure = list:ask("intraocular pressure, mmHg (0: not measured)", { name = "pressure", min = 0, max = 100 })
     if pressure > 0 then list.run:result("intraocular_pressure", pressure) end
   end
-  list:must("eye fixed in the holder, under the microscope, in the middle of the coils", { name = "fixed" })
+  list:must("eye fixed in the holder, under the microscope, in the middle of the coils; tools at hand", { name = "fixed" })
   list:photograph("the eye in its holder", { name = "photo_holder" })
 end
 
@@ -104,7 +104,7 @@ end
 --- The thesis' order, "easy but not intuitive"; or a vitrectomy lens on the cornea.
 function steps.focus(list, rig, run, p)
   if p.optics ~= "removed" then
-    list:must("BIOM swung out: microscope focused on the iris", { name = "focus_iris" })
+    list:must("BIOM swung out: microscope focused on the iris, lit from outside", { name = "focus_iris" })
     list:photograph("the iris in focus", { name = "photo_iris" })
   end
   if p.lens == "vitrectomy_lens" then

@@ -33,7 +33,7 @@ function bring.sink(run, servo, above, options)
   local trim = servo:status().trim
   servo:set_trim(trim + servo:force_for { 0, 0, -(options.speed or 0.6 * mm / s) })
   servo:release { touch = true }
-  run:wait(options.time or 6 * s)
+  run:wait(options.time or 8 * s)
   return trim
 end
 

@@ -1,6 +1,8 @@
 -- Targets that are fixed to the retina: beside a servo loop each frame is found on a map of the retina, and a target's place in
--- the world follows the point of the map over which it stands, at its depth. What moves the retina in the image moves the target.
+-- the world follows the point of the map over which it stands, at its depth. What moves the retina in the image moves the target,
+-- and the zones that the robot is to keep out of.
 -- SPDX-License-Identifier: Apache-2.0
+local retina_zones = require "session.retina_zones"
 local statistics = require "analysis.statistics"
 local units = require "units"
 local vision = require "vision"
@@ -11,6 +13,8 @@ local retina_targets = {}
 local most_frames = 5
 -- Without a frame on the map for so long, the target's place is not known.
 local forgotten = 1 * s
+-- Between the robot's outline and a zone: three times what the loop leaves of the way over the retina (docs/vision.md).
+local zone_margin = 0.2 * mm
 
 --- A map of the retina as the top camera sees it, for targets of `servo` with the localizer `view` (rig:view()).
 function retina_targets.open(rig, run, servo, view)
@@ -21,6 +25,7 @@ function retina_targets.open(rig, run, servo, view)
     view = view or rig:view(),
     model = rig:model(),
     map = vision.retina_map {},
+    zones = {},
     frames = 0,
     found = 0,
   }
@@ -108,6 +113,60 @@ function retina_targets.place(retina, target)
   return place, #passed > 2 and velocity * (1 / spread) or vector(0, 0, 0)
 end
 
+--- A zone in which the robot's outline is not to be seen: the part of the retina that is seen now within `radius` (m) of
+--- `position` (m, world). After a frame that was found. Returns its number.
+function retina_targets.forbid(retina, position, radius)
+  local center = retina_targets.fix(retina, position)
+  local edge = retina_targets.fix(retina, position + vector(radius, 0, 0))
+  local far = math.sqrt((edge.x_px - center.x_px) ^ 2 + (edge.y_px - center.y_px) ^ 2)
+  retina.zones[#retina.zones + 1] = { x_px = center.x_px, y_px = center.y_px, radius_px = far, least = math.huge }
+  return #retina.zones
+end
+
+-- Where the zones are at the height z: `at` (m, in the plane), `clear` (m, from it, for the robot's center), and their radius.
+-- After a frame that was found; one row each of the stream `no_go_zones`, which the live view draws.
+local function place_zones(retina, z, start)
+  local reach_px = retina.robot and retina.robot.major_px / 2 or 0
+  for number, zone in ipairs(retina.zones) do
+    local seen = retina.map:to_image(zone.x_px, zone.y_px)
+    local rim = retina.map:to_image(zone.x_px + zone.radius_px, zone.y_px)
+    local radius_px = math.sqrt((rim.x_px - seen.x_px) ^ 2 + (rim.y_px - seen.y_px) ^ 2)
+    local at = at_pixel(retina, seen.x_px, seen.y_px, z, zone.place or start)
+    local edge = at and at_pixel(retina, seen.x_px + radius_px + reach_px, seen.y_px, z, at)
+    if not edge then error(("the no-go zone %d is out of view: where it is, is not known"):format(number), 0) end
+    zone.place, zone.at = at, vector(at.x, at.y, 0)
+    zone.reach = (edge - at):norm()
+    zone.clear = zone.reach + zone_margin
+    local row =
+      { zone = number, u_px = seen.x_px, v_px = seen.y_px, radius_px = radius_px, x = at.x, y = at.y, clearance = 0 / 0 }
+    local status = retina.servo:status()
+    if status.position and retina.robot then
+      local away = status.position - at
+      row.clearance = math.sqrt(away.x ^ 2 + away.y ^ 2) - zone.reach
+      zone.least = math.min(zone.least, row.clearance)
+    end
+    retina.run:record("no_go_zones", row, { x = "m", y = "m", clearance = "m" }, {
+      u_px = "of its middle, in the frame",
+      v_px = "of its middle, in the frame",
+      x = "of its middle, at the target's height",
+      y = "of its middle, at the target's height",
+      clearance = "of the robot's outline from it, seen from above",
+    })
+  end
+end
+
+-- An alarm while the robot's outline is over a zone; steer() leads it out.
+local function watch_zones(retina)
+  for number, zone in ipairs(retina.zones) do
+    local within = zone.least < 0 and not zone.told
+    if within then
+      zone.told = true
+      local text = ("the robot is over the no-go zone %d, and is led out of it"):format(number)
+      retina.run:alarm { name = "no-go zone " .. number, priority = "high", text = text }
+    end
+  end
+end
+
 -- One row of the stream `robot_on_retina`: the robot and where it should be, on the map.
 local function record_robot(retina, target)
   if not retina.robot then return end
@@ -125,6 +184,15 @@ local function record_robot(retina, target)
   })
 end
 
+-- The reference's next place from the target: straight up to it, or around the zones; outside of them it keeps to.
+local function come_nearer(retina, place, apart, step)
+  local left = apart:norm()
+  local straight = left > step and apart * (1 - step / left) or vector(0, 0, 0)
+  if #retina.zones == 0 then return straight end
+  local over = retina_zones.step(retina.zones, place + apart, place, step) - vector(place.x, place.y, 0)
+  return vector(over.x, over.y, straight.z)
+end
+
 -- One frame: what the reference is to do, and whether the robot is there. `apart`: of the reference from the target, which it
 -- comes up to at `speed`. Returns apart, the robot's distance from the target, and what the loop refused.
 local function steer(retina, target, apart, speed)
@@ -139,9 +207,13 @@ local function steer(retina, target, apart, speed)
     return apart, nil, (unknown or retina.pose) and "the retina or the robot is not found, or the target is out of view" or nil
   end
   apart = apart or status.position - place
-  local left, step = apart:norm(), speed * (before and retina.time - before or 0)
-  apart = left > step and apart * (1 - step / left) or vector(0, 0, 0)
-  local wanted = apart:norm() > 0 and velocity + apart * (-speed / apart:norm()) or velocity
+  place_zones(retina, place.z, place)
+  watch_zones(retina)
+  local step = speed * (before and retina.time - before or 0)
+  local nearer = come_nearer(retina, place, apart, step)
+  local wanted = velocity
+  if step > 0 and nearer:norm() > 0 then wanted = velocity + (nearer - apart) * (speed / step) end
+  apart = nearer
   -- The place is that of the frame's exposure; the reference begins now.
   local ahead = retina.run:now() - retina.time
   local went, refused = pcall(retina.servo.hold, retina.servo, place + apart + wanted * ahead, { velocity = wanted })
@@ -152,11 +224,15 @@ end
 
 --- Takes the robot to a target by retina, and stays over it: `speed` over the retina (0.5 mm/s), `within` (0.3 mm) for
 --- `settle` (1 s), at most `timeout` (60 s). Returns {reached =, problem =, off = {m, ...}}: distances in the horizontal plane
---- while it stayed. The reference rests while the retina is not found.
+--- while it stayed. The reference rests while the retina is not found. It leads around the zones; a target that the robot could
+--- not be over without touching one is refused before anything moves.
 function retina_targets.go_to(retina, target, options)
   local run, speed, within = retina.run, options.speed or 0.5 * mm / s, options.within or 0.3 * mm
   local deadline = run:now() + (options.timeout or 60 * s)
   local apart, since, off, problem
+  place_zones(retina, target.z, target.place)
+  local forbidden = retina_zones.inside(retina.zones, target.place)
+  if forbidden then return { reached = false, off = {}, problem = ("it lies in the no-go zone %d"):format(forbidden) } end
   while run:now() < deadline do
     local away
     apart, away, problem = steer(retina, target, apart, speed)

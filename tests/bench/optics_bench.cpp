@@ -257,28 +257,26 @@ void locate_robot(benchmark::State& state) {
 BENCHMARK(locate_robot)->Name("optics/locate")->Arg(0)->Arg(1)->Arg(2);
 
 /// Bodies of all shapes by the exact projection, from the last frame's place; with argument 1 with
-/// its uncertain orientation.
+/// its uncertain orientation; 2 and 3 are the same without a place to start from.
 void locate_body(benchmark::State& state, const ObjectModel& body) {
   ObjectPoseSettings settings;
   settings.exact.emplace(model_eye_5_3(), Microscope{}, 8e-3);
   settings.object = body;
-  if (state.range(0) == 1) settings.orientation_sigma = 0.03;
+  if (state.range(0) % 2 == 1) settings.orientation_sigma = 0.03;
   const BodyPose pose{{2e-3, 1e-3, 5e-3}, orientation_along({1, 0.2, 0.3})};
   EllipseVector seen = *project_object(settings, pose);
   seen[2] += 0.2, seen[0] -= 0.1;  // px, as a tracker would
   EllipseCovariance covariance = EllipseCovariance::Identity() * 0.04;
   covariance(4, 4) = 1e-5;
-  const PoseStart start{pose.position_in_eye + Eigen::Vector3d(5e-5, -5e-5, 1e-4),
-                        pose.orientation};
+  PoseStart start{pose.position_in_eye + Eigen::Vector3d(5e-5, -5e-5, 1e-4), pose.orientation};
+  if (state.range(0) >= 2) start.position_in_eye.reset();
   for (auto _ : state) benchmark::DoNotOptimize(locate_object(settings, seen, covariance, start));
 }
 BENCHMARK_CAPTURE(locate_body, ellipsoid, ellipsoid({0.5e-3, 0.5e-3, 1e-3}))
     ->Name("optics/locate_ellipsoid")
-    ->Arg(0)
-    ->Arg(1);
+    ->DenseRange(0, 3);
 BENCHMARK_CAPTURE(locate_body, cylinder, cylinder(1e-3, 0.25e-3))
     ->Name("optics/locate_cylinder")
-    ->Arg(0)
-    ->Arg(1);
+    ->DenseRange(0, 3);
 
 }  // namespace

@@ -38,7 +38,8 @@ TEST(RobotNamed, gives_the_robots_of_the_table) {
         weight / resistance(robot, Medium{}, {1, 0, 0})(2, 2);  // lying on its side, as the table
     EXPECT_NEAR(sinking, row.sinking, 0.03 * row.sinking) << row.name;
   }
-  EXPECT_EQ(robot_names().size(), 5U) << "and the helix, whose numbers are in helix_test";
+  EXPECT_EQ(robot_names().size(), 6U)
+      << "and the swimmers, whose numbers are in helix_test and oscillating_field_test";
 }
 
 TEST(RobotNamed, lists_the_names_there_are) {

@@ -3,7 +3,7 @@
 // a folder for pictures ("-": none), the browser's program.
 // SPDX-License-Identifier: Apache-2.0
 import { chromium } from 'playwright-core';
-import { drawn, open, states, until } from './scene.mjs';
+import { drawn, kMotion, open, states, until } from './scene.mjs';
 
 const [, , files, pictures, executablePath] = process.argv;
 const failed = [];
@@ -25,7 +25,7 @@ const kSays = {
   idle: /Nothing runs yet/, question: /How long is this eye/, alarm: /!!!.*0\.31 mm from the retina/, medium: /!!.*Coil 3 is warm/, lost: /was not seen for/,
   paused: /Paused.*Resume/, watching: /You watch.*Take control/, stopping: /Stopping.*STOP again: at once/, ended: /Coils 0 A, read back( 0\.18 s after STOP)?\./,
   choices: /Is the eye fixed.*yes.*no/, margin: /Click a place to send the robot there/,
-  hot: /The coils are not at zero: 1\.20 A\. Switch them off by hand/, running: /Click a place to send the robot there/,
+  hot: /The coils are not at zero: 1\.20 A\. Switch them off by hand/, retina: /Click a place to send the robot there/, running: /Click a place to send the robot there/,
 };
 const kParts = { header: 'header', message: '.message', stop: '#stop, #rested', eye: '.eye', depth: '.depth', section: '.section' };
 const kTolerance = 2; // px
@@ -193,6 +193,54 @@ async function instruments(browser) {
   await page.close();
 }
 
+/** Remembers the camera's picture where vessels are, without what is drawn on it; change() is the mean difference of gray levels
+    from it. */
+const remember = (page) => page.evaluate(() => {
+  const levels = () => {
+    const canvas = document.querySelector('.eye canvas'), { width, height } = canvas;
+    return canvas.getContext('2d').getImageData(width * 0.5, height * 0.2, width * 0.35, height * 0.5).data.filter((_, i) => i % 4 === 1);
+  };
+  const before = levels();
+  window.change = () => levels().reduce((sum, value, i) => sum + Math.abs(value - before[i]), 0) / before.length;
+});
+
+/** The retina held still: after it has moved, vessels are where they were, and the robot, which stayed, is not; what is pointed
+    at is sent as the pixel of the frame. Where nothing follows the retina there is no such button. */
+async function heldRetina(browser) {
+  const without = await open(browser, files, 'running', { width: 1366, height: 768 });
+  expect((await without.locator("[data-tool='hold']").count()) === 0, 'the retina can be held where nothing follows it');
+  await without.close();
+  const page = await open(browser, files, 'retina', { width: 1366, height: 768 });
+  await stands(page, 'retina');
+  const shot = async (name) => { await drawn(page); if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_retina_${name}.png` }); };
+  await remember(page);
+  await shot('still');
+  await page.move();
+  await shot('moved');
+  const moved = await page.evaluate(() => window.change());
+  await page.close();
+
+  const held = await open(browser, files, 'retina', { width: 1366, height: 768 });
+  await stands(held, 'retina');
+  await held.click("[data-tool='hold']");
+  await drawn(held);
+  await remember(held);
+  await held.move();
+  await soon(async () => (await held.evaluate(() => window.change())) < 0.4 * moved, `held still the retina moves: ${await held.evaluate(() => window.change())} gray levels, ${moved} where it is not held`);
+  expect(moved > 3, `the made retina does not move: ${moved} gray levels`);
+  await soon(async () => /Retina held still/.test(await text(held, '#held')), 'nothing says that the retina is held');
+  if (pictures !== '-') { await drawn(held); await held.screenshot({ path: `${pictures}/live_retina_held.png` }); }
+  for (const flaw of await flaws(held)) failed.push(`retina held: ${flaw}`);
+  // The pixel of the new frame at which the first frame's point (900, 300) of the retina is.
+  const eye = await held.locator('#top_camera').boundingBox(), { x, y, angle, scale } = kMotion;
+  await held.mouse.click(eye.x + (eye.width * 900.5) / 1384, eye.y + (eye.height * 300.5) / 1036);
+  await soon(() => held.sent.some((message) => message.do === 'target'), 'a click on the held retina sends no target');
+  const [u, v] = held.sent.find((message) => message.do === 'target').points[0];
+  const wanted = [x + scale * (Math.cos(angle) * 900 - Math.sin(angle) * 300), y + scale * (Math.sin(angle) * 900 + Math.cos(angle) * 300)];
+  expect(Math.hypot(u - wanted[0], v - wanted[1]) < 1.5, `a click on the held retina is sent as ${u}, ${v}, not ${wanted}`);
+  await held.close();
+}
+
 /** Contrast of two colors by WCAG 2. */
 function contrast(a, b) {
   const light = (color) => color.map((c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4)).reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
@@ -231,6 +279,7 @@ try {
   await tools(browser);
   await instruments(browser);
   await themes(browser);
+  await heldRetina(browser);
 } catch (error) {
   failed.push(String(error));
 } finally {

@@ -54,6 +54,19 @@ const alarm = { name: 'clearance', priority: 'high', text: 'The robot is 0.31 mm
 const ask = { number: 1, name: 'length', text: 'How long is this eye? Ultrasound length (14 mm to 18 mm)', choices: [], task: null };
 const kRead = { t: 60.18, text: 'coils 0.01 A, read back at 12:03:11.250', amperes: [0.01, 0, 0, 0, 0, 0, 0, 0] };
 
+/** A frame's place on the map of the retina, of which the first frame's is another than the map's own; and two zones of it. The
+    retina of a frame that is moved by m lies at m^-1 in the frame before it. */
+function retinaStreams(time, motion) {
+  const c = Math.cos(motion.angle) / motion.scale, s = -Math.sin(motion.angle) / motion.scale;
+  const x = -(c * motion.x - s * motion.y), y = -(s * motion.x + c * motion.y);
+  const turn = 0.2, grow = 1.1, seen = (u, v) => [motion.x + motion.scale * (Math.cos(motion.angle) * u - Math.sin(motion.angle) * v), motion.y + motion.scale * (Math.sin(motion.angle) * u + Math.cos(motion.angle) * v)];
+  const place = [grow * (Math.cos(turn) * x - Math.sin(turn) * y) + 31, grow * (Math.sin(turn) * x + Math.cos(turn) * y) - 12];
+  return {
+    retina: { channels: ['exposed', 'x_px', 'y_px', 'angle', 'scale', 'sigma_px'], rows: [[time + 0.02, time, ...place, turn - motion.angle, grow / motion.scale, 0.06]] },
+    no_go_zones: { channels: ['zone', 'u_px', 'v_px', 'radius_px', 'clearance'], rows: [[time, 1, ...seen(900, 480), 80, 1e-3], [time, 2, ...seen(560, 760), 50, 2e-3]] },
+  };
+}
+
 /** Each state: status over the usual one, streams' options, and what else the program would send. */
 export const states = {
   running: {},
@@ -66,15 +79,20 @@ export const states = {
   lost: { streams: { lost: true } },
   paused: { status: { phase: 'paused', waiting_for: 'resume' } },
   watching: { status: { control: 'free' } },
+  retina: { retina: true },
   stopping: { status: { phase: 'stopping' } },
   ended: { end: { ended: 'stopped: stopped by the operator', rest: kRead, report: '/report' }, stopped: true },
   hot: { end: { ended: 'aborted: the amplifier did not answer', rest: { t: 61, text: 'coils NOT at zero: coil 3 carries 1.2 A, read back at 12:03:11.250', amperes: [0, 0, 1.2, 0, 0, 0, 0, 0] } } },
 };
 
-/** A fundus with vessels, and a gray side view, as the program's frames. */
-async function frames(browser) {
+/** Where the retina has gone in the frame after the first: pixels of the picture, a turn, a scale. */
+export const kMotion = { x: 46, y: -28, angle: 0.04, scale: 1.02 };
+const kStill = { x: 0, y: 0, angle: 0, scale: 1 };
+
+/** A fundus with vessels, moved, and a gray side view, as the program's frames; the robot stays. */
+async function frames(browser, moved = kStill, number = 900, time = kEnd) {
   const page = await browser.newPage();
-  const jpegs = await page.evaluate(() => {
+  const jpegs = await page.evaluate((moved) => {
     const draw = (w, h, paint) => {
       const canvas = Object.assign(document.createElement('canvas'), { width: w, height: h }), pen = canvas.getContext('2d');
       paint(pen, w, h);
@@ -84,6 +102,7 @@ async function frames(browser) {
       const light = pen.createRadialGradient(w / 2, h / 2, 50, w / 2, h / 2, w * 0.62);
       light.addColorStop(0, '#8a8a8a'), light.addColorStop(0.9, '#5a5a5a'), light.addColorStop(1, '#000');
       pen.fillStyle = light, pen.fillRect(0, 0, w, h);
+      pen.save(), pen.translate(moved.x, moved.y), pen.rotate(moved.angle), pen.scale(moved.scale, moved.scale);
       pen.fillStyle = '#c8c8c8', pen.beginPath(), pen.arc(900, 480, 45, 0, 7), pen.fill();
       pen.strokeStyle = '#3c3c3c';
       for (let i = 0; i < 14; ++i) {
@@ -92,14 +111,15 @@ async function frames(browser) {
         pen.bezierCurveTo(900 + 250 * Math.cos(turn), 480 + 250 * Math.sin(turn), 900 + 420 * Math.cos(turn + 0.4), 480 + 420 * Math.sin(turn + 0.4), 900 + 800 * Math.cos(turn + 0.3), 480 + 800 * Math.sin(turn + 0.3));
         pen.stroke();
       }
+      pen.restore();
       pen.fillStyle = '#222', pen.beginPath(), pen.ellipse(691.5 - 172, 517.5 - 50, 66, 32, 0, 0, 7), pen.fill();
     };
     return [draw(656, 490, (pen, w, h) => { pen.fillStyle = '#4d545b', pen.fillRect(0, 0, w, h); }), draw(1384, 1036, fundus)];
-  });
+  }, moved);
   await page.close();
   return jpegs.map((text, slot) => {
     const jpeg = Buffer.from(text, 'base64'), head = Buffer.alloc(24), [w, h] = slot ? [1384, 1036] : [656, 490];
-    head.writeUInt32LE(slot, 0), head.writeUInt32LE(900, 4), head.writeDoubleLE(kEnd, 8), head.writeUInt32LE(w, 16), head.writeUInt32LE(h, 20);
+    head.writeUInt32LE(slot, 0), head.writeUInt32LE(number, 4), head.writeDoubleLE(time, 8), head.writeUInt32LE(w, 16), head.writeUInt32LE(h, 20);
     return Buffer.concat([head, jpeg]);
   });
 }
@@ -149,6 +169,7 @@ export async function open(browser, folder, name, viewport, more = {}) {
     lines.unshift({ kind: 'feedback', t: 2.1, text: 'law pd, feedback one_camera (top camera through the eye)' });
     if (state.stopped) send({ time: kEnd, status: { ...status, phase: 'stop requested' } });
     send({ time: kEnd, cameras: ['side_camera', 'top_camera'], streams: streams(state.streams), lines, status: { ...status, ...state.status }, rest: null });
+    if (state.retina) send({ time: kEnd, streams: retinaStreams(kEnd, kStill) });
     for (const bytes of pictures) socket.send(bytes);
     if (state.end) send(state.end);
   });
@@ -160,6 +181,13 @@ export async function open(browser, folder, name, viewport, more = {}) {
       socket.send(JSON.stringify({ time: kEnd, status: { ...status, ...to.status }, rest: null }));
       if (to.end) socket.send(JSON.stringify(to.end));
     }
+  };
+  // The next frame, in which the retina has moved; a frame comes before its place on the map.
+  page.move = async () => {
+    const time = kEnd + 1 / 15;
+    for (const bytes of await frames(browser, kMotion, 901, time)) for (const socket of sockets) socket.send(bytes);
+    for (const socket of sockets) socket.send(JSON.stringify({ time, streams: retinaStreams(time, kMotion) }));
+    await page.waitForFunction(() => document.querySelector('#top_camera')?.dataset.frame === '901', null, { timeout: kPatience });
   };
   page.drop = () => { page.gone = true; sockets.forEach((socket) => socket.close()); };
   await page.goto('http://vitreo.test/');

@@ -38,6 +38,42 @@ TEST(ChainSessions, FramesOfARunThatGoesOnRefineTheChain) {
   EXPECT_EQ(results["bench_changed"], 0);
 }
 
+constexpr const char* kSessionOfTwelve = R"(
+local chain = require "calibration.chain"
+local optics = require "optics"
+local mm = require("units").mm
+return {
+  title = "A side camera that had one of twelve places wrong, or all of them",
+  needs = {},
+  parameters = { wrong = { default = 1, min = 1, max = 12, integer = true } },
+  run = function(_, p, run)
+    local body = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }
+    local believed, looks = optics.system({ name = "model_eye_5_3" }):viewing_chain { body = body }, {}
+    for i = 1, 12 do
+      local place = vector(2 * math.cos(2 * i), 2 * math.sin(2 * i), 2 + i / 2) * mm
+      local axis = vector(math.cos(i), math.sin(i), 0)
+      local look = believed:ellipse { position = place, axis = axis }
+      look.axis, look.sigma, look.position_sigma = axis, 0.05, vector(1e-5, 1e-5, 1e-5)
+      look.position = place + (i <= p.wrong and vector(i % 3 - 0.4, 0, i % 2) * mm or vector(0, 0, 0))
+      looks[i] = look
+    end
+    run:note("the session is " .. chain.calibrate(run, believed, { looks = looks }).status)
+  end,
+})";
+
+// What is wrong is left out and named, what is wrong all over ends the run with its cause.
+TEST(ChainSessions, APlaceThatDoesNotFitIsLeftOutAndASessionThatDoesNotIsRefused) {
+  const Workplace place;
+  const std::string file = place.write("twelve.lua", kSessionOfTwelve);
+  const Spoken one = place.vitreo("run " + file);
+  EXPECT_EQ(one.exit_code, 0) << one.out << one.err;
+  EXPECT_NE((one.out + one.err).find("look 1 does not fit the others"), std::string::npos);
+  EXPECT_NE((one.out + one.err).find("the session is found"), std::string::npos);
+  const Spoken all = place.vitreo("run " + file + " wrong=12");
+  EXPECT_NE(all.exit_code, 0);
+  EXPECT_NE((all.out + all.err).find("the session does not fit any chain"), std::string::npos);
+}
+
 // Five percent of a pupil at half a meter.
 TEST(ChainSessions, ATargetShowsTheMicroscopesPupil) {
   const auto results = results_of("run calibrate_microscope");

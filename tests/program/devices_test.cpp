@@ -5,6 +5,7 @@
 #include "devices/links/serial_link.h"
 #include "devices/roles/camera.h"
 #include "devices/time/error.h"
+#include "tests/long_form.h"
 #include "tests/program/program.h"
 
 #include <gtest/gtest.h>
@@ -388,7 +389,7 @@ TEST(Laboratory, ItsInstrumentsKeepTheirContractsOnTheSystemsOwnPath) {
   const GigePort port;
   const Workplace place;
   std::vector<std::string> roles{"coils"};  // the others wait for real: long
-  if (std::getenv("VITREO_LONG") != nullptr)
+  if (in_long_form())
     roles = {"coils", "lamp",           "lens_mover",  "joystick",  "pedal",
              "stage", "rotation_stage", "field_probe", "top_camera"};
   for (const std::string& role : roles) {

@@ -99,6 +99,78 @@ TEST(RetinaTargets, TheRobotStaysOverAPointOfARetinaThatMoves) {
   }
 }
 
+// The zone's true middle in each of the loop's rows: the place of the simulator's retina that was
+// seen there when it was fixed. `straight`: how near a straight way over the retina would have
+// come.
+const char* const kAround = R"lua(
+    local servo <close> = rig:servo { feedback = "pose_sensor", law = "estimator" }
+    servo:hold { -2 * mm, 0, 0 }
+    rig.sample:insert_robot { -2 * mm, 0, 0 }
+    servo:wait_until_tracked()
+    run:wait(1 * s)
+    local retina = retina_targets.open(rig, run, servo)
+    retina_targets.look(retina)
+    local middle, fixed = vector(0, 0.3 * mm, 0), retina.time
+    local start = servo:position()
+    retina_targets.forbid(retina, middle, 0.3 * mm)
+    local target = retina_targets.fix(retina, vector(2 * mm, 0, 0))
+    local within = retina_targets.fix(retina, vector(0.2 * mm, 0.3 * mm, 0))
+    local refused = retina_targets.go_to(retina, within, { timeout = 5 * s })
+    run:result("refused", (refused.problem or ""):match "no%-go zone 1" and 1 or 0)
+    run:result("moved", (servo:position() - start):norm(), "m")
+    local from = run:now()
+    local went = retina_targets.go_to(retina, target, { timeout = 60 * s })
+    run:result("reached", went.reached and 1 or 0)
+    local view, model = rig:view(), rig:model()
+    local wanted = view:pixel(middle - model.eye_in_world)
+    local x, y = behind(view, model.retina_radius, wanted)
+    local x0, y0 = shift(fixed)
+    local one = view:pixel(middle - model.eye_in_world + vector(100 * um, 0, 0))
+    local scale = math.abs(100 * um / (one.u - wanted.u))
+    local truth = run:samples("truth", { "x", "y", "z" }, { from = from, to = run:now() })
+    local least, retina_moved = math.huge, 0
+    for k, t in ipairs(truth.time) do
+      local dx, dy = shift(t)
+      local there = pixel_of_retina(view, model.retina_radius, x + dx - x0, y + dy - y0)
+      local robot = view:pixel(vector(truth.x[k], truth.y[k], truth.z[k]) - model.eye_in_world)
+      least = math.min(least, scale * math.sqrt((robot.u - there.u) ^ 2 + (robot.v - there.v) ^ 2))
+      retina_moved = math.max(retina_moved, scale * math.abs(there.u - wanted.u))
+    end
+    run:result("least", least, "m")
+    run:result("reach", retina.zones[1].reach, "m")
+    run:result("measured", retina.zones[1].least, "m")
+    run:result("retina_moved", retina_moved, "m")
+    run:result("rows", #run:samples("no_go_zones").time)
+    run:result("alarms", #run:alarms())
+  end,
+}
+)lua";
+
+TEST(RetinaTargets, TheWayLeadsAroundANoGoZoneThatMovesWithTheRetina) {
+  const std::string over = kOver;
+  const std::string head = over.substr(0, over.find("    local servo <close>"));
+  const Workplace place;
+  place.write("around.lua", head + kAround);
+  for (int seed = 1; seed <= 2; ++seed) {
+    const Spoken spoken =
+        place.vitreo("run ./around.lua --rig drifting_eye --json --seed " + std::to_string(seed));
+    ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+    const auto results = nlohmann::json::parse(spoken.out)["results"];
+    const double least = results["least"], reach = results["reach"], moved = results["moved"];
+    std::printf("seed %d: %.0f um from the zone's middle at least, %.0f um is the outline's edge\n",
+                seed, least * 1e6, reach * 1e6);
+    EXPECT_EQ(results["reached"], 1);
+    EXPECT_GT(least, reach) << "the outline keeps out; a straight way passes at 0.3 mm";
+    EXPECT_GT(results["measured"].get<double>(), 0) << "and the script knows it";
+    EXPECT_LT(least, reach + 1e-3) << "it passes the zone, and does not stay away from it";
+    EXPECT_GT(results["retina_moved"].get<double>(), 0.8e-3) << "the zone moves";
+    EXPECT_EQ(results["refused"], 1);
+    EXPECT_LT(moved, 0.3e-3) << "a target in the zone is refused before anything moves";
+    EXPECT_GT(results["rows"], 100);
+    EXPECT_EQ(results["alarms"], 0);
+  }
+}
+
 TEST(RetinaTargets, ServoSupervisedReachesPointsThatMoveWithTheRetina) {
   const Workplace place;
   const Spoken spoken = place.vitreo(

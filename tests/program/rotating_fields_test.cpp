@@ -24,6 +24,8 @@ TEST(SwimPath, ACentimeterIsWithinFiftyMicrometersAndAStepOutIsToldWithinASecond
     EXPECT_GT(results["path_length"], 10e-3);
     EXPECT_LT(results["path_error_rms"], 50e-6) << seed;
     EXPECT_GT(results["path_error_rms"], 2e-6) << "four micrometers of noise go in";
+    EXPECT_LT(results["path_error_mean_way_rms"], results["path_error_rms"]) << seed;
+    EXPECT_GT(results["path_error_mean_way_rms"], 1e-6) << seed;
     EXPECT_LT(results["step_out_told_after"], 1.0) << seed;
     EXPECT_NEAR(results["response_after_recovery"].get<double>(), 1, 0.1) << seed;
   }
@@ -46,6 +48,13 @@ TEST(SwimFrequency, ASwimmerThatSteppedOutWhileItSteeredIsBroughtBack) {
   const auto results = of_run(place, "swim_frequency --seed 4");
   EXPECT_LT(results["step_out"], 9);
   EXPECT_GT(results["step_out"], 6);
+}
+
+TEST(SwimFrequency, ATailsCurveHasABestFrequency) {
+  const Workplace place;
+  const auto results = of_run(place, "swim_frequency --rig tail --seed 2");
+  EXPECT_GT(results["best_frequency"], 3);
+  EXPECT_NEAR(results["best_speed"].get<double>(), 140e-6, 50e-6);
 }
 
 TEST(Dock, TheAxisIsWithinThreeDegreesOnASampledMachine) {

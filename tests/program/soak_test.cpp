@@ -1,5 +1,6 @@
 // `vitreo soak` as its users run it: no violation, and the same line for the same seed.
 // SPDX-License-Identifier: Apache-2.0
+#include "tests/long_form.h"
 #include "tests/program/program.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +22,7 @@ std::string last_line(const std::string& text) {
 
 TEST(Soak, OfAHoldFindsNothing) {
   const Workplace place;
-  const std::string seeds = std::getenv("VITREO_LONG") != nullptr ? "1000" : "8";
+  const std::string seeds = std::to_string(long_or_short(1000, 8));
   const Spoken said = place.vitreo(kHold + ("--json --seeds " + seeds));
   EXPECT_EQ(said.exit_code, 0) << said.out << said.err;
   const auto result = nlohmann::json::parse(last_line(said.out));

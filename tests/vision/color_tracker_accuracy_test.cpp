@@ -1,10 +1,12 @@
 // The accuracy figures of the color tracker on generated sequences, whose seeds were not used to
 // tune it.
 // SPDX-License-Identifier: Apache-2.0
+#include "tests/long_form.h"
 #include "tests/vision/tracking_score.h"
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdio>
 
 namespace vitreo::vision::generated {
@@ -33,18 +35,32 @@ void print(const char* name, const Score& s) {
 TEST(ColorTrackerAccuracy,
      places_the_robot_within_half_a_pixel_over_a_still_ground_and_says_how_well) {
   double inside = 0;
-  for (const std::uint64_t seed : {901U, 902U, 903U}) {
-    const Score s = score({.seed = seed}, 150);
+  const int seeds = long_or_short(6, 2);
+  for (int k = 0; k < seeds; ++k) {
+    const Score s = score({.seed = 901U + k}, 150);
     print("static", s);
     expect_accurate(s, 0.5);
-    inside += s.inside / 3;
+    inside += s.inside / seeds;
   }
   // The bias that shadow and highlight cause changes slowly, so a sequence holds few independent
-  // draws: three together.
+  // draws: they count together.
   EXPECT_GE(inside, 0.90);
   // The goal's other end is 0.99. Looks are believed for what they were worth in training with all
-  // its disturbances, so a still ground comes out too cautious: 0.998 (docs/vision.md).
-  EXPECT_LT(inside, 1);
+  // its disturbances, so a still ground comes out too cautious: 1.0 (docs/vision.md). What is
+  // claimed is bounded instead: 0.21 px, 0.27 px while no look showed a shadow.
+  Sequence sequence({.seed = 901});
+  ColorTracker tracker(ObjectModel::train(sequence.training(24), {}, {}), {});
+  double claimed = 0;
+  int seen = 0;
+  for (int k = 0; k < 40; ++k) {
+    const Track track = tracker.update(sequence.frame(k).image);
+    if (!track.measured) continue;
+    claimed += std::sqrt(track.measured->covariance.topLeftCorner<2, 2>().trace() / 2);
+    ++seen;
+  }
+  std::printf("claimed: %.2f px\n", claimed / seen);
+  EXPECT_GE(seen, 38);
+  EXPECT_LT(claimed / seen, 0.25) << "px, beside errors of 0.16 px in the mean";
 }
 
 TEST(ColorTrackerAccuracy, does_not_mind_a_ground_that_drifts) {
@@ -70,8 +86,8 @@ TEST(ColorTrackerAccuracy, holds_on_before_vessels_of_nearly_its_own_color) {
 }
 
 TEST(ColorTrackerAccuracy, follows_a_half_hidden_robot_and_is_never_wrong) {
-  for (const std::uint64_t seed : {931U, 932U, 933U}) {
-    const Score s = score({.seed = seed, .half_hidden_from = 40}, 90);
+  for (int k = 0; k < long_or_short(6, 2); ++k) {
+    const Score s = score({.seed = 931U + k, .half_hidden_from = 40}, 90);
     print("half", s);
     EXPECT_LE(s.lost, 10);
     EXPECT_EQ(s.wrong, 0);
@@ -80,8 +96,8 @@ TEST(ColorTrackerAccuracy, follows_a_half_hidden_robot_and_is_never_wrong) {
 
 TEST(ColorTrackerAccuracy,
      says_so_while_the_robot_is_hidden_and_finds_it_again_within_three_frames) {
-  for (const std::uint64_t seed : {941U, 942U, 943U}) {
-    const Score s = score({.seed = seed, .hidden_from = 40}, 90);
+  for (int k = 0; k < long_or_short(6, 2); ++k) {
+    const Score s = score({.seed = 941U + k, .hidden_from = 40}, 90);
     print("hidden", s);
     EXPECT_EQ(s.hidden_tracked, 0);
     EXPECT_EQ(s.wrong, 0);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/head_model.h"
 
+#include "tests/long_form.h"
 #include "tests/vision/needle_scene.h"
 #include "vision/color_tracker.h"
 
@@ -86,6 +87,8 @@ Tally follow(const ObjectModel& model, const needle::Settings& settings, int fra
 }
 
 TEST(HeadModel, a_needle_is_seen_at_its_tip_and_its_body_never_backwards) {
+  int tips = 0;
+  int inside = 0;
   for (const std::uint64_t seed : {34U, 35U, 36U}) {
     const needle::Settings settings{.seed = seed};
     const Tally tally = follow(model_of(settings), settings, 80);
@@ -95,13 +98,17 @@ TEST(HeadModel, a_needle_is_seen_at_its_tip_and_its_body_never_backwards) {
     EXPECT_EQ(tally.backwards, 0);
     EXPECT_GE(tally.tips, 0.9 * tally.headings);
     EXPECT_LT(tally.off / tally.tips, 1);  // px: the goal
-    EXPECT_GE(tally.inside, 0.9 * tally.tips);
+    // A seed is one ground: what it does to the patch stays for a dozen frames.
+    EXPECT_GE(tally.inside, 0.85 * tally.tips);
+    tips += tally.tips;
+    inside += tally.inside;
   }
+  EXPECT_GE(inside, 0.93 * tips);  // of 95 %
 }
 
 TEST(HeadModel, a_frame_with_a_mark_shows_where_it_points) {
-  for (const std::uint64_t seed : {41U, 42U, 43U}) {
-    const needle::Settings settings{.body = needle::Body::frame, .seed = seed};
+  for (int k = 0; k < long_or_short(6, 2); ++k) {
+    const needle::Settings settings{.body = needle::Body::frame, .seed = 41U + k};
     const Tally tally = follow(model_of(settings), settings, 80);
     EXPECT_GE(tally.tracked, 78);
     EXPECT_GE(tally.headings, 74);
@@ -111,7 +118,8 @@ TEST(HeadModel, a_frame_with_a_mark_shows_where_it_points) {
 }
 
 TEST(HeadModel, a_body_is_followed_from_half_to_twice_its_trained_size) {
-  for (const std::uint64_t seed : {51U, 52U}) {
+  for (int k = 0; k < long_or_short(4, 1); ++k) {
+    const std::uint64_t seed = 51U + k;
     const ObjectModel model = model_of({.seed = seed});
     for (const double size : {0.5, 0.7, 1.4, 2.0}) {
       const Tally tally = follow(model, {.size = size, .seed = seed}, 40);

@@ -85,10 +85,13 @@ std::vector<Lamp> lamps() {
 // The goal is that of single sequences of 80 frames: fewer than five lost, none wrong (before light
 // was followed: 42 lost under a cast, 43 lost and 3 wrong in a quarter of the light).
 void through(const SequenceSettings& ground, const std::string& name) {
+  generated::Sequence in_training_light(ground);
+  const ObjectModel model = generated::trained_on(in_training_light);
   for (const Lamp& lamp : lamps()) {
     SequenceSettings settings = ground;
     settings.lamp = lamp.factor;
-    const Score score = generated::score(settings, 80);
+    generated::Sequence sequence(settings);
+    const Score score = generated::score(sequence, settings, 80, ColorTracker(model, {}));
     std::printf("%-16s %-28s lost %2d, wrong %d, %.2f px, %3.0f %% inside\n", name.c_str(),
                 lamp.name.c_str(), score.lost, score.wrong, score.center_px, 100 * score.inside);
     EXPECT_LT(score.lost, 5) << name << ": " << lamp.name;

@@ -34,7 +34,8 @@ TEST(MultiTracker, never_takes_one_for_another_while_the_robot_is_hidden) {
       {.seed = 33, .one_color = true, .meeting = Meeting::touching, .hidden_from = 18}, 50);
   EXPECT_EQ(s.wrong, 0);
   EXPECT_EQ(s.swapped, 0);
-  // The robot and the disc beside it, two frames each until the find is believed, and one more.
+  // The robot and the disc beside it, two frames each until the find is believed, and one more
+  // each.
   EXPECT_LE(s.lost, 6);
 }
 

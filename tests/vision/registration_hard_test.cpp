@@ -1,6 +1,7 @@
 // Registration of views that invite a wrong answer: reflexes and dirt fixed to the sensor, a zoom,
 // a barrel distortion, one view twice. What is accepted is right to a pixel, and knows how right.
 // SPDX-License-Identifier: Apache-2.0
+#include "tests/long_form.h"
 #include "tests/vision/retina.h"
 #include "vision/mosaic.h"
 #include "vision/registration.h"
@@ -186,30 +187,34 @@ void dirt(cv::Mat& view) {
 }
 
 TEST(RegistrationHard, reflexes_that_saturate_and_are_fixed_in_the_image) {
-  const Count count = count_of({.name = "reflexes", .fault = reflexes}, 16);
+  const int pairs = long_or_short(64, 8);
+  const Count count = count_of({.name = "reflexes", .fault = reflexes}, pairs);
   expect_honest(count);
-  EXPECT_GE(count.right, 12);
+  EXPECT_GE(count.right, 0.75 * pairs);
 }
 
 TEST(RegistrationHard, reflexes_that_saturate_nothing) {
-  const Count count = count_of({.name = "faint reflexes", .fault = faint_reflexes}, 16);
+  const int pairs = long_or_short(64, 8);
+  const Count count = count_of({.name = "faint reflexes", .fault = faint_reflexes}, pairs);
   expect_honest(count);
-  EXPECT_GE(count.right, 8);
+  EXPECT_GE(count.right, 0.5 * pairs);
 }
 
 TEST(RegistrationHard, dirt_all_over_the_sensor) {
-  const Count count = count_of({.name = "dirt", .fault = dirt}, 16);
+  const int pairs = long_or_short(64, 8);
+  const Count count = count_of({.name = "dirt", .fault = dirt}, pairs);
   expect_honest(count);
-  EXPECT_GE(count.right, 8);
+  EXPECT_GE(count.right, 0.5 * pairs);
 }
 
 TEST(RegistrationHard, other_retinas_behind_the_same_dirt_and_reflexes_are_refused) {
   for (const auto& [name, fault] : {std::pair<std::string, Fault>("dirt", dirt),
                                     {"faint reflexes", faint_reflexes},
                                     {"reflexes", reflexes}}) {
+    const int pairs = long_or_short(32, 4);
     const Count count =
-        count_of({.name = "elsewhere, " + name, .fault = fault, .elsewhere = true}, 8, 30);
-    EXPECT_EQ(count.refused, 8);
+        count_of({.name = "elsewhere, " + name, .fault = fault, .elsewhere = true}, pairs, 30);
+    EXPECT_EQ(count.refused, pairs);
   }
 }
 
@@ -222,19 +227,22 @@ TEST(RegistrationHard, a_view_that_did_not_move_behind_the_dirt_is_found_in_its_
 
 TEST(RegistrationHard, a_zoom_of_a_tenth_either_way) {
   int right = 0;
+  const int pairs = long_or_short(16, 4);
   for (const double zoom : {0.9, 0.95, 1.05, 1.1}) {
-    const Count count = count_of({.name = "zoom " + std::to_string(zoom), .zoom = zoom}, 8, 40);
+    const Count count = count_of({.name = "zoom " + std::to_string(zoom), .zoom = zoom}, pairs, 40);
     expect_honest(count);
     right += count.right;
   }
-  EXPECT_GE(right, 24);
+  EXPECT_GE(right, 0.75 * 4 * pairs);
 }
 
 TEST(RegistrationHard, a_barrel_of_three_percent_is_refused_where_a_similarity_does_not_fit) {
+  const int pairs = long_or_short(20, 4);
   for (const double barrel : {0.03, -0.03}) {
-    expect_honest(count_of({.name = "barrel, far", .barrel = barrel}, 10, 60));
-    expect_honest(count_of(
-        {.name = "barrel, near", .barrel = barrel, .least_shift = 10, .most_shift = 80}, 10, 80));
+    expect_honest(count_of({.name = "barrel, far", .barrel = barrel}, pairs, 60));
+    expect_honest(
+        count_of({.name = "barrel, near", .barrel = barrel, .least_shift = 10, .most_shift = 80},
+                 pairs, 80));
   }
 }
 

@@ -36,10 +36,15 @@ inline void add_errors(Score& score, const EllipseMeasurement& m, const Ellipse&
   score.inside += off.dot(covariance.inverse() * off) < 5.991 ? 1 : 0;  // chi^2 of two, 95 %
 }
 
-inline Score score(const SequenceSettings& settings, int frames,
-                   const ColorTrackerSettings& chosen = {}, const ColorModelSettings& color = {}) {
-  Sequence sequence(settings);
-  ColorTracker tracker(ObjectModel::train(sequence.training(24), color, chosen.view), chosen);
+/// What a tracker for this ground learns: 24 frames of another time, in the training's light.
+inline ObjectModel trained_on(Sequence& sequence, const ColorTrackerSettings& chosen = {},
+                              const ColorModelSettings& color = {}) {
+  return ObjectModel::train(sequence.training(24), color, chosen.view);
+}
+
+/// Of a tracker that has been trained.
+inline Score score(Sequence& sequence, const SequenceSettings& settings, int frames,
+                   ColorTracker tracker, const ColorTrackerSettings& chosen = {}) {
   Score score;
   score.frames = frames;
   int in_view = 0;
@@ -65,6 +70,13 @@ inline Score score(const SequenceSettings& settings, int frames,
     *sum /= std::max(score.seen, 1);
   }
   return score;
+}
+
+inline Score score(const SequenceSettings& settings, int frames,
+                   const ColorTrackerSettings& chosen = {}, const ColorModelSettings& color = {}) {
+  Sequence sequence(settings);
+  return score(sequence, settings, frames,
+               ColorTracker(trained_on(sequence, chosen, color), chosen), chosen);
 }
 
 }  // namespace vitreo::vision::generated

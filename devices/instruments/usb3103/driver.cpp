@@ -21,6 +21,7 @@ namespace {
 constexpr double kFullScale = 10;
 /// How many reports that are not the answer may come before it.
 constexpr int kForeignReports = 32;
+constexpr double kLongestReply = 60;  // s
 
 std::string in_short(double number) {
   std::array<char, 32> text{};
@@ -328,6 +329,8 @@ void Settings::check() const {
     throw std::invalid_argument("current_limit: " + in_short(current_limit) +
                                 " A is more than +-10 V can ask for");
   if (!positive(reply_timeout)) throw std::invalid_argument("reply_timeout: must be positive");
+  if (reply_timeout > kLongestReply)
+    throw std::invalid_argument("reply_timeout: must be at most 60 s");
   if (enable_line && (*enable_line < 0 || *enable_line >= kDigitalLines))
     throw std::invalid_argument("enable_line: must be 0 to 7");
   if (heartbeat && !enable_line)

@@ -32,8 +32,8 @@ struct EstimatorGains {
   std::optional<double> proportional{};  // 1/s
   std::optional<double> max_speed{};     // m/s
 };
-using LawGains = std::variant<control::PdGains, EstimatorGains, control::VelocityGains,
-                              RotatingSettings>;
+using LawGains =
+    std::variant<control::PdGains, EstimatorGains, control::VelocityGains, RotatingSettings>;
 
 const Class& trajectory_class();
 const Class& control_law_class();

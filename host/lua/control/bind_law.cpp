@@ -1,12 +1,14 @@
-// Bindings of control laws (control.pd, control.estimator, control.velocity, control.rotating):
-// gains for rig:servo.
+// Bindings of control laws (control.pd, control.estimator, control.velocity, control.rotating,
+// control.oscillating): gains for rig:servo.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/control/bind_control.h"
 #include "host/lua/interpreter/tables.h"
 
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace vitreo::lua {
 namespace {
@@ -63,6 +65,29 @@ int rotating(Call& call) {
   settings.proportional = call.number_option("proportional");
   settings.max_speed = call.number_option("max_speed");
   settings.recover = call.flag_option("recover", settings.recover);
+  settings.check();
+  return push_law(call, settings);
+}
+
+/// By the curve that was measured; without one the field can be spun, not steered.
+int oscillating(Call& call) {
+  RotatingSettings settings;
+  settings.mode = control::RotatingMode::oscillating;
+  const auto frequencies = call.numbers_option("frequencies");
+  const auto speeds = call.numbers_option("speeds");
+  if (frequencies.has_value() != speeds.has_value() ||
+      (speeds && speeds->size() != frequencies->size()))
+    throw std::invalid_argument("speeds: one for each of the frequencies is wanted");
+  if (speeds) {
+    std::vector<control::SpeedCurve::Point> points;
+    for (std::size_t k = 0; k < speeds->size(); ++k)
+      points.push_back({(*frequencies)[k], (*speeds)[k]});
+    settings.speeds.emplace(points);
+  }
+  take(call, "swing", settings.swing);
+  settings.frequency = call.number_option("frequency");
+  settings.proportional = call.number_option("proportional");
+  settings.max_speed = call.number_option("max_speed");
   settings.check();
   return push_law(call, settings);
 }
@@ -130,14 +155,50 @@ std::vector<Binding> law_functions() {
        "control_law",
        "position control in a rotating field: its axis steers, its frequency gives the speed",
        rotating,
-       "control.rotating { mode = \"helix\", frequency = 10 * Hz }"}};
+       "control.rotating { mode = \"helix\", frequency = 10 * Hz }"},
+      {"control.oscillating",
+       {options_of(
+           {{.name = "frequencies",
+             .type = Type::numbers,
+             .unit = "Hz",
+             .optional = true,
+             .help = "of the measured curve, rising (none: servo:spin alone moves the robot)"},
+            {.name = "speeds",
+             .type = Type::numbers,
+             .unit = "m/s",
+             .optional = true,
+             .help = "of the curve, forwards, one for each frequency"},
+            {.name = "swing",
+             .type = Type::number,
+             .unit = "rad",
+             .optional = true,
+             .min = 0.05,
+             .max = 1.4,
+             .help = "angle by which the field goes to either side (0.7 rad)"},
+            {.name = "frequency",
+             .type = Type::number,
+             .unit = "Hz",
+             .optional = true,
+             .min = 0.01,
+             .max = 200,
+             .help = "fastest (that of the curve's highest speed, within what the coils can do)"},
+            gain("proportional", "1/s", 100, "velocity per distance (by the delay)"),
+            gain("max_speed", "m/s", 0.1,
+                 "largest velocity asked for because of an error of position (the robot's sink "
+                 "speed, 0.5 to 5 mm/s)")})},
+       "control_law",
+       "position control of a swimmer with a flexible tail: the field swings in a plane about the "
+       "direction to swim, and the frequency gives the speed",
+       oscillating,
+       "control.oscillating { frequencies = { 1 * Hz, 5 * Hz }, speeds = { 40 * um / s, 150 * um / "
+       "s } }"}};
 }
 
 const Class& control_law_class() {
   static const Class kind{
       "control_law",
       "a law of the servo loop with its gains, for rig:servo; make one with control.pd, "
-      "control.estimator, control.velocity or control.rotating"};
+      "control.estimator, control.velocity, control.rotating or control.oscillating"};
   return kind;
 }
 

@@ -66,8 +66,8 @@ struct Context {
   double reading_ends = 0;        // s of the thread's own time
 
   std::vector<std::shared_ptr<const void>> kept;  // what the state's classes are made of
-  std::vector<std::function<void()>> closers;  // end what the script left open; in reverse order
-  std::vector<int> deferred;                   // references of run:defer's functions
+  std::vector<std::function<void()>> closers;     // end what the script left open; in reverse order
+  std::vector<int> deferred;                      // references of run:defer's functions
   std::vector<Lap> laps;
   std::size_t laps_begun = 0;
   std::map<const Camera*, std::uint64_t> last_frames;  // that the script was given

@@ -103,6 +103,32 @@ int locate_in(Call& call) {
   return chain_calls::push_position(call, *position, position->z() - retina, *doubt);
 }
 
+// Of a session: fit, outliers and minima, into the table on top of the stack.
+void add_fit(Call& done, ResultTable& table, const optics::ChainEstimate& made) {
+  table.number("chi2", made.chi2)
+      .integer("degrees_of_freedom", made.degrees_of_freedom)
+      .number("chi2_limit", made.chi2_limit)
+      .text("status", to_string(made.status))
+      .list("outliers", made.outliers.size(),
+            [&](ResultTable& entry, std::size_t i) {
+              entry.integer("look", static_cast<lua_Integer>(made.outliers[i].look) + 1)
+                  .number("chi2", made.outliers[i].chi2);
+            })
+      .list("minima", made.minima.size(), [&](ResultTable& entry, std::size_t i) {
+        const auto& theta = made.minima[i].theta;
+        entry.number("chi2", made.minima[i].chi2).numbers("theta", {theta.begin(), theta.end()});
+      });
+  // Parameters of which less than a tenth of the variance was learned: they stand as believed
+  // before.
+  lua_newtable(done.L);
+  lua_Integer count = 0;
+  for (const std::string& name : optics::unobserved(made.belief)) {
+    lua_pushstring(done.L, name.c_str());
+    lua_rawseti(done.L, -2, ++count);
+  }
+  table.top("unobserved");
+}
+
 // Seconds for a long session, so it runs as a calculation that a stop ends. Copies of chain and
 // session go with it, since the script's handles may be gone before it ends. A calibration always
 // begins from what was known before any: measurements of two sessions are given together.
@@ -116,7 +142,7 @@ int calibrate_chain(Call& call) {
   return calculate(
       call, "calibrate chain",
       [before, session, settings, rehearsed](const YieldPoint&) {
-        if (rehearsed) return optics::ChainEstimate{before.belief, {}, 0, 0, {}, 0};
+        if (rehearsed) return optics::ChainEstimate{.belief = before.belief};
         return optics::estimate_chain(before.nominal, before.sigmas, session, settings);
       },
       [before, session, rehearsed](Call& done, const optics::ChainEstimate& made) {
@@ -126,23 +152,8 @@ int calibrate_chain(Call& call) {
         push_handle(done.L, viewing_chain_class(),
                     std::make_shared<Chain>(
                         Chain{before.nominal, before.sigmas, made.belief, {}, anchors}));
-        table.top("chain")
-            .number("chi2", made.chi2)
-            .integer("degrees_of_freedom", made.degrees_of_freedom)
-            .list("minima", made.minima.size(), [&](ResultTable& entry, std::size_t i) {
-              const auto& theta = made.minima[i].theta;
-              entry.number("chi2", made.minima[i].chi2)
-                  .numbers("theta", {theta.begin(), theta.end()});
-            });
-        // Parameters of which less than a tenth of the variance was learned: they stand as believed
-        // before.
-        lua_newtable(done.L);
-        lua_Integer count = 0;
-        for (const std::string& name : optics::unobserved(made.belief)) {
-          lua_pushstring(done.L, name.c_str());
-          lua_rawseti(done.L, -2, ++count);
-        }
-        table.top("unobserved");
+        table.top("chain");
+        add_fit(done, table, made);
         return 1;
       });
 }
@@ -269,6 +280,15 @@ const Class& viewing_chain_class() {
          {{"chain", "", "the calibrated viewing_chain"},
           {"chi2", "", "of measurements and of what was known before"},
           {"degrees_of_freedom", "", ""},
+          {"chi2_limit", "", "a right session is above it in one case of 200"},
+          {"status", "",
+           "\"found\", \"ambiguous\" (several minima), \"misfit\" (no chain explains the session) "
+           "or "
+           "\"not_converged\"; the chain of the last two is no result"},
+          {"outliers",
+           "",
+           "of a misfit, the looks without which the rest fits, the worst first",
+           {{"look", "", "its number"}, {"chi2", "", ""}}},
           {"minima",
            "",
            "every chain that explains the session, the best first",

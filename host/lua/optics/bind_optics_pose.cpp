@@ -7,6 +7,7 @@
 #include "host/lua/optics/localizer_calls.h"
 #include "optics/calibration/camera_calibration.h"
 #include "optics/chain/eye_look.h"
+#include "optics/pose/equivalent_ellipse.h"
 
 #include <stdexcept>
 #include <string>
@@ -169,7 +170,7 @@ int info(Call& call) {
 /// less that.
 optics::PoseCalibration by_thesis(const Localizer& before, const optics::PoseSettings& settings,
                                   const OptionTable& how, const SeenEllipse& seen) {
-  for (const char* name : {"axis_sigma", "contour_sigma"})
+  for (const char* name : {"axis_sigma", "contour_sigma", "pixel_sigma", "size_sigma"})
     if (how.number(name))
       throw std::invalid_argument(std::string(name) + ": goes with the correction eye alone");
   return optics::calibrate_pose(
@@ -192,8 +193,13 @@ double take_eye(Localizer& view, const optics::PoseSettings& settings, const Opt
       how.vector("axis")->normalized(),
       *how.number("known_z") - view.offset.z(),
       how.number("known_z_sigma").value_or(kRough)};
-  view.eye = optics::most_probable_eye(nominal, look);
+  const optics::ProbableView made = optics::most_probable_view(
+      nominal, look, {how.number("pixel_sigma").value_or(0), how.number("size_sigma").value_or(0)});
+  view.eye = made.eye;
   view.eye_calibrated = true;
+  view.robot_length = made.robot_length;
+  view.robot_width = made.robot_width;
+  view.settings.image.pixel *= made.pixel;
   const optics::System& system = view.eye.system;
   if (view.settings.exact)
     view.settings.exact.emplace(system, view.microscope, view.settings.exact->max_m());
@@ -203,6 +209,9 @@ double take_eye(Localizer& view, const optics::PoseSettings& settings, const Opt
   optics::PoseSettings now = settings;
   now.projection = view.settings.projection;
   now.exact = view.settings.exact;
+  now.image = view.settings.image;
+  now.robot.semi_axis *= made.robot_length;
+  now.robot.semi_radius *= made.robot_width;
   const auto start = optics::first_guess(now, seen.ellipse, look.axis);
   const auto found =
       start ? optics::locate(now, seen.ellipse, seen.covariance, look.axis, *start) : std::nullopt;
@@ -210,20 +219,34 @@ double take_eye(Localizer& view, const optics::PoseSettings& settings, const Opt
   return found->position_in_eye.z() - look.known_z;
 }
 
-/// One ellipse of a spheroid whose height is known: on the retina.
+/// A cylinder's, as of the spheroid that the corrections know.
+SeenEllipse spheroid_ellipse(const Localizer& view, const optics::ObjectModel& body,
+                             const SeenEllipse& seen, const Eigen::Vector3d& axis) {
+  if (body.ellipsoid()) return seen;
+  optics::ObjectPoseSettings settings = view.settings;
+  settings.object = body;
+  SeenEllipse round = seen;
+  const auto ellipse = optics::as_of_spheroid(settings, seen.ellipse, axis);
+  if (!ellipse) throw std::invalid_argument("ellipse: lies outside of the projection");
+  round.ellipse = *ellipse;
+  return round;
+}
+
+/// One ellipse of a spheroid or a cylinder whose height is known: on the retina.
 int calibrate(Call& call) {
   const Localizer before = localizer_of(call);
   const optics::ObjectModel body = body_option(call);
   const OptionTable how(call, 0);
-  if (!(body.ellipsoid() && body.round_about_z()))
-    throw std::invalid_argument("shape: wants a spheroid");
+  if (!body.round_about_z() || !body.parts.empty() || body.crossed)
+    throw std::invalid_argument("shape: wants a spheroid or a cylinder");
   optics::PoseSettings settings;
   settings.projection = before.settings.projection;
   settings.image = before.settings.image;
   settings.exact = before.settings.exact;
   settings.robot = {body.semi_axes.z(), body.semi_axes.x()};
   const std::string correction = how.text("correction").value_or("image_scale");
-  const SeenEllipse seen = ellipse_option(call);
+  const SeenEllipse seen =
+      spheroid_ellipse(before, body, ellipse_option(call), *how.vector("axis"));
   auto after = std::make_shared<Localizer>(before);
   optics::PoseCalibration made;
   if (correction == "eye")
@@ -231,6 +254,8 @@ int calibrate(Call& call) {
   else
     made = by_thesis(before, settings, how, seen);
   after->settings.image.pixel *= made.image_scale;
+  if (correction == "eye")
+    made.image_scale = after->settings.image.pixel / before.settings.image.pixel;
   after->offset += made.offset;
   ResultTable table(call);
   push_handle(call.L, localizer_class(), after);
@@ -240,6 +265,8 @@ int calibrate(Call& call) {
       .number("image_scale", made.image_scale)
       .number("image_scale_sigma", correction == "image_scale" ? made.sigma : 0)
       .number("offset_sigma", correction == "additive_offset" ? made.sigma : 0, "m")
+      .number("robot_length", after->robot_length)
+      .number("robot_width", after->robot_width)
       .number("residual", made.residual, "m")
       .vector("offset", made.offset, "m");
   return 1;
@@ -412,6 +439,8 @@ Binding calibrate_row() {
            number_of("known_z_sigma", "m", true, "of that (0; 10 µm of an eye)", 0, 0.01),
            number_of("axis_sigma", "rad", true, "across it, of an eye (0.035)", 1e-6, 1),
            number_of("contour_sigma", "", true, "px, of each semi-axis, of an eye (0)", 0, 10),
+           number_of("pixel_sigma", "", true, "relative, of the pixel beside the eye (0)", 0, 0.2),
+           number_of("size_sigma", "", true, "relative, of the robot beside the eye (0)", 0, 0.2),
            {.name = "correction",
             .type = Type::text,
             .optional = true,
@@ -424,6 +453,8 @@ Binding calibrate_row() {
         {"image_scale", "", "factor of the pixel"},
         {"image_scale_sigma", "", "by the ellipse's noise and known_z_sigma"},
         {"offset_sigma", "m", "the same of the offset, along z"},
+        {"robot_length", "", "factor of the body's, which rig:servo takes over"},
+        {"robot_width", "", "the same across"},
         {"offset", "m", "added to positions"},
         {"residual", "m", "left along z at the known height"}}},
       "calibrates by one ellipse of a spheroid on the known retina",

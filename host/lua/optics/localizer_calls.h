@@ -14,6 +14,8 @@ struct Localizer {
   optics::Prescription eye{};       // that the projection was made of
   optics::Microscope microscope{};
   bool eye_calibrated = false;  // `eye` is the most probable one by a look
+  double robot_length = 1;      // factors by which the robot of that look is larger than stated
+  double robot_width = 1;
 };
 
 struct SeenEllipse {

@@ -5,6 +5,7 @@
 #include "host/lua/optics/classes.h"
 #include "host/lua/optics/localizer_calls.h"
 #include "host/lua/rig/bind_rig.h"
+#include "host/servo/robot_outline.h"
 #include "optics/system/prescriptions.h"
 
 #include <cmath>
@@ -34,6 +35,18 @@ int rig_view(Call& call) {
   return 1;
 }
 
+std::string moves_by(const control::Robot& robot) {
+  if (robot.helix) return "helix";
+  return robot.tail ? "tail" : "gradient";
+}
+
+void set_uncertainty(ResultTable& table, const ViewUncertainty& known) {
+  table.number("size", known.size)
+      .number("pixel", known.pixel)
+      .number("tilt", known.tilt, "rad")
+      .number("eye", known.eye, "m");
+}
+
 // The believed numbers alone, in the terms that optics and vision take; nothing here reads the
 // plant of a simulated rig.
 int rig_model(Call& call) {
@@ -59,7 +72,7 @@ int rig_model(Call& call) {
              })
       .table("robot",
              [&](ResultTable& robot) {
-               robot.text("shape", "spheroid")
+               robot.text("shape", has_flat_ends(model.robot) ? "cylinder" : "spheroid")
                    .number("half_length", model.robot.semi_axis, "m")
                    .number("radius", model.robot.semi_radius, "m");
              })
@@ -70,7 +83,9 @@ int rig_model(Call& call) {
                    .number("moment", model.robot.moment_factor)
                    .flag("hard", model.robot.hard);
              })
+      .table("uncertainty", [&](ResultTable& known) { set_uncertainty(known, model.uncertainty); })
       .text("robot_name", model.robot.name)
+      .text("robot_moves_by", moves_by(model.robot))
       .text("focus_axis", model.focus_axis)
       .number("command_delay", model.command_delay, "s")
       .number("command_bandwidth", model.command_bandwidth, "Hz");
@@ -110,7 +125,16 @@ Returned model_fields() {
              {"drag_across", "", ""},
              {"moment", "", ""},
              {"hard", "", "whether it is a permanent magnet"}}},
+           {"uncertainty",
+            "",
+            "one sigma of what the rig file says of its own knowledge",
+            {{"size", "", "of the robot, relative"},
+             {"pixel", "", "of each camera's scale, relative"},
+             {"tilt", "rad", "of each camera"},
+             {"eye", "m", "of the eye's place along each axis"}}},
            {"robot_name", "", ""},
+           {"robot_moves_by", "",
+            "\"gradient\"; or by a field that turns (\"helix\"), that oscillates (\"tail\")"},
            {"focus_axis", "", "name of the stage's axis that moves the sensor along the light"},
            {"command_delay", "s", "of the coils"},
            {"command_bandwidth", "Hz", "of the coils"}}};

@@ -197,11 +197,18 @@ Returned rotation_fields() {
   return Returned{
       "table",
       {{"frequency", "Hz", "commanded; negative: against the axis"},
-       {"axis", "", "of the field's rotation, unit"},
+       {"axis", "", "of the field's rotation, unit; where it oscillates, the way forwards"},
        {"field", "T", "magnitude"},
        {"limit", "Hz", "the fastest now: of the law, of the coils, below a step-out"},
        {"set_points", "Hz", "that the amplifiers take"},
-       {"believed_step_out", "Hz", "by the model"},
+       {.name = "swing",
+        .unit = "rad",
+        .help = "of a field that oscillates, to either side; else nil",
+        .optional = true},
+       {.name = "believed_step_out",
+        .unit = "Hz",
+        .help = "by the model; nil where the field oscillates",
+        .optional = true},
        {"response", "", "way per turn over the believed one, of the last 0.6 s"},
        {"response_before", "", "the same while it turned with the field"},
        {"response_sigma", "", "standard deviation of response"},
@@ -217,9 +224,9 @@ Returned rotation_fields() {
 /// nil where there is nothing to be near to, or nothing that is near.
 Returned clearance_fields() {
   return Returned{"table",
-                  {{"bound", "m", "lower end of its 95 % interval: distance less uncertainty"},
+                  {{"bound", "m", "lower end of its 99 % interval: distance less uncertainty"},
                    {"distance", "m", "of the robot's surface from the nearest wall"},
-                   {"uncertainty", "m", "half width of the 95 % interval"},
+                   {"uncertainty", "m", "half width of the 99 % interval"},
                    {"wall", "", "the nearest: retina or lens"},
                    {"retina", "m", "of the surface from the retina"},
                    {"lens", "m", "of the surface from the lens"},
@@ -464,7 +471,8 @@ int open_servo(Call& call) {
     settings.view = {view.settings.image.pixel / session.rig.model.top_image.pixel, view.offset};
     if (view.eye_calibrated)
       settings.view.eye = std::make_shared<CorrectedEye>(
-          CorrectedEye{view.eye.system, view.settings.projection, view.settings.exact});
+          CorrectedEye{view.eye.system, view.settings.projection, view.settings.exact,
+                       view.robot_length, view.robot_width});
   }
   lua_pop(call.L, 1);
   const std::set<std::string> sources = sources_of(settings.feedback);

@@ -278,12 +278,15 @@ int servo_calls::rotation(Call& call) {
       .number("field", now->rotation.field, "T")
       .number("limit", now->limit, "Hz")
       .number("set_points", now->set_points, "Hz")
-      .number("believed_step_out", now->believed_step_out, "Hz")
       .number("response", now->response.now)
       .number("response_before", now->response.before)
       .number("response_sigma", now->response.sigma)
       .flag("stepped_out", now->response.stepped_out)
       .flag("unresponsive", now->unresponsive);
+  if (now->rotation.swing)
+    table.number("swing", *now->rotation.swing, "rad");
+  else
+    table.number("believed_step_out", now->believed_step_out, "Hz");
   if (now->response.step_out > 0) table.number("step_out", now->response.step_out, "Hz");
   return 1;
 }

@@ -36,19 +36,29 @@ RigDescription rig_of(const ApproachSetting& setting) {
   return description;
 }
 
-double named(const sim::Laboratory& laboratory, const std::string& name) {
+double named(const sim::Laboratory& laboratory, const std::string& name, double else_value) {
   for (const auto& [key, value] : laboratory.drawn())
     if (key == name) return value;
-  return 1;
+  return else_value;
+}
+
+/// Where the plant's eye stands, which is not where the loop believes it.
+samples::Eye eye_of(const sim::Laboratory& laboratory) {
+  samples::Eye eye;
+  eye.vertex += Eigen::Vector3d(named(laboratory, "eye_x_m", 0), named(laboratory, "eye_y_m", 0),
+                                named(laboratory, "eye_z_m", 0));
+  return eye;
 }
 
 /// The truth beside the loop.
 class Judge {
  public:
   Judge(const TestBench& bench, bool upright)
-      : laboratory_(*bench.rig->laboratory()), coils_(*bench.rig->rig().coils) {
+      : laboratory_(*bench.rig->laboratory()),
+        coils_(*bench.rig->rig().coils),
+        eye_(eye_of(laboratory_)) {
     const control::Robot& robot = bench.rig->rig().model.robot;
-    const double size = named(laboratory_, "size_factor");
+    const double size = named(laboratory_, "size_factor", 1);
     half_ = (upright ? robot.semi_axis : robot.semi_radius) * size;
     body_ = samples::spheroid(robot.semi_axis * size, robot.semi_radius * size, 120, 60);
   }
@@ -184,6 +194,7 @@ class Faults {
 void watch(TestBench& bench, const Servo& servo, Judge& judge, Time end, ApproachResult& result) {
   Time shown{};
   bool red = false;
+  std::vector<double> below;
   for (Time now = bench.clock->now(); now < end; now = bench.clock->now()) {
     bench.clock->sleep_for(from_seconds(kPoll));
     const double truth = judge.clearance_at(now);
@@ -204,11 +215,16 @@ void watch(TestBench& bench, const Servo& servo, Judge& judge, Time end, Approac
     const control::WallClearance& wall = status.clearance->nearest();
     result.end_bound = std::max(0.0, wall.bound());
     result.uncertainty = wall.uncertainty;
-    result.bias = wall.distance - judge.clearance_at(shown);
+    const double then = judge.clearance_at(shown);
+    result.bias = wall.distance - then;
+    result.excess = std::max(result.excess, result.bias / wall.uncertainty);
+    below.push_back(then - wall.bound());
     red = red || result.end_bound < kRed;
     // The page shows no negative number.
-    result.optimism = std::max(result.optimism, result.end_bound - judge.clearance_at(shown));
+    result.optimism = std::max(result.optimism, result.end_bound - then);
   }
+  std::sort(below.begin(), below.end());
+  if (!below.empty()) result.below = below[below.size() / 2];
   result.ending = to_string(servo.status().state);
   if (!servo.status().failure.empty()) result.ending += ": " + servo.status().failure;
 }

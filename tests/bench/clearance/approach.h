@@ -30,6 +30,8 @@ struct ApproachResult {
   double end_bound = 1;     // m, that was shown at the end
   double uncertainty = 0;   // m, then
   double bias = 0;          // m, shown distance less the true one, then
+  double excess = -1e9;     // the most that the distance was too large, over its half width
+  double below = 0;         // m, median of the true clearance less the bound
   bool touched = false;     // at any time
   // At the first touch: the loop was at work and the coils did what it told them; it had ended.
   bool driven = false;

@@ -28,9 +28,20 @@ TEST(Approach, DrivenToTheMarginItComesThereAndNoFurther) {
     setting.feedback = Feedback::pose_sensor;
     setting.margin = 0.3e-3;
     const ApproachResult result = run_approach(setting);
-    EXPECT_GT(result.least_true, 0.25e-3) << result.ending;
-    EXPECT_LT(result.least_true, 0.45e-3) << result.ending;
+    EXPECT_GT(result.least_true, setting.margin - 10e-6) << result.ending;
+    // The margin is of the bound, 0.15 mm nearer; the eye may stand that much off to either side.
+    EXPECT_LT(result.least_true, setting.margin + 0.3e-3) << result.ending;
   }
+}
+
+// The judge's own zero, whatever eye was drawn: a robot that lies on the plant's retina is at none
+// of it. Seed 208's eye stands 0.05 mm higher than believed.
+TEST(Approach, TheJudgeKnowsWhereThePlantsEyeStands) {
+  ApproachSetting setting;
+  setting.seed = 208;
+  setting.sink = true;
+  setting.feedback = Feedback::pose_sensor;
+  EXPECT_NEAR(run_approach(setting).end_true, 0, 10e-6);
 }
 
 // Without limits in the way: the first of N equal steps to the margin.

@@ -46,6 +46,7 @@ class Bench {
       measure();
       if (coming_.empty() || now_ < from_seconds(coming_.front().time) + latency) continue;
       const ControlStep step = controller_->step(now(), coming_.front(), reference, mode);
+      note_quality(watched, quality_, step.quality, now());
       motion.measured.push_back({coming_.front().time, coming_.front().position});
       motion.commanded.push_back({now(), step.commanded});
       coming_.pop_front();
@@ -57,6 +58,7 @@ class Bench {
   const RigModel& model() const { return model_; }
   const sim::WorldSettings& truth() const { return world_.settings(); }
   Eigen::Matrix3d drag_at(const Eigen::Vector3d& p) const { return controller_->drag_at(p); }
+  MachineResult watched;
 
  private:
   void measure() {
@@ -75,6 +77,7 @@ class Bench {
   std::mt19937_64 random_;
   std::normal_distribution<double> normal_;
   std::unique_ptr<ServoController> controller_;
+  LoopQuality quality_;
   std::deque<control::PositionMeasurement> coming_;
   Time now_{}, next_{};
 };
@@ -172,6 +175,7 @@ IdentifiedMachine identify_machine(const MachineSetting& setting) {
                      2;
     belief.delay = (result.x.delay.value + result.across.delay.value) / 2;
     result.duration = bench.now();
+    result.watched = bench.watched;
   } catch (const std::exception& problem) {
     result.failure = problem.what();
   }

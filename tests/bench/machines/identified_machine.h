@@ -19,8 +19,9 @@ struct IdentifiedMachine {
   // True values: s, and factors of the believed sinking speeds.
   double delay = 0;
   double true_across = 1, true_along = 1;
-  Belief belief;        // that follows
-  double duration = 0;  // s, of it all
+  Belief belief;          // that follows
+  double duration = 0;    // s, of it all
+  MachineResult watched;  // what the loop watch named meanwhile: falsely, as nothing fails
 };
 
 IdentifiedMachine identify_machine(const MachineSetting& setting);

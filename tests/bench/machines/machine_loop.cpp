@@ -8,6 +8,7 @@
 #include "tests/bench/machines/law_before.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include <algorithm>
@@ -89,6 +90,7 @@ class Controller {
                            const ReferencePath& path) = 0;
   virtual const control::PositionEstimator* estimator() const { return nullptr; }
   virtual std::optional<ServoMargins> margins() const { return std::nullopt; }
+  virtual void set_axis(const Eigen::Vector3d&) {}
 };
 
 class ProductsController final : public Controller {
@@ -101,6 +103,7 @@ class ProductsController final : public Controller {
   }
   const control::PositionEstimator* estimator() const override { return controller_.estimator(); }
   std::optional<ServoMargins> margins() const override { return controller_.margins(); }
+  void set_axis(const Eigen::Vector3d& axis) override { controller_.set_axis(axis); }
 
  private:
   ServoController controller_;
@@ -201,10 +204,69 @@ struct Judge {
   }
 };
 
+/// The commanded axis: MachineSetting::turning.
+class TurningAxis {
+ public:
+  TurningAxis(const MachineSetting& setting, double begin)
+      : speed_(setting.turning),
+        next_(begin),
+        axis_(setting.axis),
+        target_(setting.axis),
+        random_(sim::seed_for(setting.seed, sim::Purpose::probe) + 1) {}
+  Eigen::Vector3d after(double time, double span) {
+    if (time >= next_) {
+      std::uniform_real_distribution<double> azimuth(-M_PI, M_PI), pitch(-M_PI / 3, M_PI / 3);
+      const double a = azimuth(random_), p = pitch(random_);
+      target_ = {std::cos(p) * std::cos(a), std::cos(p) * std::sin(a), std::sin(p)};
+      next_ += 10;
+    }
+    const Eigen::Vector3d across = axis_.cross(target_);
+    const double left = std::atan2(across.norm(), axis_.dot(target_));
+    if (left > 1e-6)
+      axis_ = Eigen::AngleAxisd(std::min(left, speed_ * span), across.normalized()) * axis_;
+    return axis_;
+  }
+
+ private:
+  double speed_;
+  double next_;  // s
+  Eigen::Vector3d axis_;
+  Eigen::Vector3d target_;
+  std::mt19937_64 random_;
+};
+
+/// Swings of the true place, ten seconds each (MachineResult::swings).
+class Swings {
+ public:
+  void add(double time, const Eigen::Vector3d& place) {
+    if (time >= end_) close();
+    sum_ += place;
+    squares_ += place.cwiseAbs2();
+    ++count_;
+  }
+  std::vector<double> found;
+
+ private:
+  void close() {
+    const Eigen::Vector3d mean = sum_ / count_;
+    const double variance = (squares_ / count_ - mean.cwiseAbs2()).maxCoeff();
+    found.push_back(std::sqrt(2 * std::max(0.0, variance)));
+    end_ += 10;
+    count_ = 0;
+    sum_ = squares_ = Eigen::Vector3d::Zero();
+  }
+  double end_ = 10;  // s
+  double count_ = 0;
+  Eigen::Vector3d sum_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d squares_ = Eigen::Vector3d::Zero();
+};
+
 control::Currents flowing(const CoilFault& fault, double time, control::Currents commands) {
   if (fault.coil > 0 && time >= fault.time) commands[fault.coil - 1] *= fault.part;
   return commands;
 }
+
+}  // namespace
 
 void note_quality(MachineResult& result, LoopQuality& before, const LoopQuality& now, double time) {
   const auto note = [&](bool is, bool was, double& first) {
@@ -222,8 +284,6 @@ void note_quality(MachineResult& result, LoopQuality& before, const LoopQuality&
   before = now;
 }
 
-}  // namespace
-
 MachineResult run_machine(const MachineSetting& setting, Law law, const control::Trajectory& path,
                           double settle, double after) {
   const RigModel model = believed(setting);
@@ -240,25 +300,34 @@ MachineResult run_machine(const MachineSetting& setting, Law law, const control:
   Time next{};
   double margins_due = settle + 1;
   Judge judge;
+  Swings swings;
+  TurningAxis axis(setting, settle);
   LoopQuality quality;
   MachineResult result;
   const Eigen::Matrix3d covariance = setting.noise * setting.noise * Eigen::Matrix3d::Identity();
   try {
     for (Time now{}; now < end; now += kStep) {
       const double seconds = to_seconds(now);
-      const Eigen::Vector3d place = world.robot(now)->position;
+      const sim::BodyState body = *world.robot(now);
+      const Eigen::Vector3d& place = body.position;
+      swings.add(seconds, place);
       if (now >= next) {
         control::PositionMeasurement measured{seconds, place, covariance};
+        const double sense = body.axis.dot(setting.axis) < 0 ? -1 : 1;
+        measured.position.z() -= setting.view_lever * (sense * body.axis.z() - setting.axis.z());
         for (double& coordinate : measured.position) coordinate += setting.noise * normal(random);
         coming.push_back(measured);
         next += period;
       }
       if (!coming.empty() && now >= from_seconds(coming.front().time) + latency) {
+        if (setting.turning > 0 && seconds > settle)
+          controller->set_axis(axis.after(seconds, to_seconds(period)));
         const ControlStep step = controller->step(seconds, coming.front(), reference);
         coming.pop_front();
         if (step.currents.size() > 0)
           world.set_coil_commands(now, flowing(setting.fault, seconds, step.currents));
         note_quality(result, quality, step.quality, seconds);
+        result.oscillating += step.quality.oscillating ? to_seconds(period) : 0;
         if (seconds >= margins_due) {
           margins_due += 3;
           if (const auto found = controller->margins()) {
@@ -287,6 +356,7 @@ MachineResult run_machine(const MachineSetting& setting, Law law, const control:
     result.correlation = judge.products.cwiseQuotient(judge.powers).mean();
   result.limited = judge.limited / steps;
   result.headroom = judge.headroom;
+  result.swings = std::move(swings.found);
   return result;
 }
 

@@ -56,9 +56,15 @@ struct MachineSetting {
   double frame_rate = 15;        // 1/s
   double latency = 0.08;         // s, from exposure to the loop
   double noise = 0.3 * 14.3e-6;  // m, each coordinate
-  std::vector<int> dead;         // coils, from 1
-  bool dead_known = true;        // to the loop
-  CoilFault fault;               // not known to the loop
+  // m/rad: by so much the readings are too low where the axis is pitched against the commanded one,
+  // as a camera's are that takes the commanded axis (docs/reliability.md: 2.5 to 5 mm/rad by one).
+  double view_lever = 0;
+  // rad/s, along great arcs to directions drawn from the seed, one each ten seconds, at most 60
+  // degrees steep; 0: the axis stays. So the allocation goes over to other currents.
+  double turning = 0;
+  std::vector<int> dead;   // coils, from 1
+  bool dead_known = true;  // to the loop
+  CoilFault fault;         // not known to the loop
   Belief belief;
   double tone = 0.6;         // A: ControllerSettings::tone
   double proportional = 0;   // 1/s, of the law now and of the PD; 0: their own
@@ -86,10 +92,14 @@ struct MachineResult {
   double delay = 0;           // s
   // What the loop watch said, s, first; below 0: never. Of a coil: that one was named, and which.
   double oscillation = -1;
+  double oscillating = 0;  // s in all, for which an oscillation was told
   double standstill = -1;
   double weak = -1;
   int weak_coil = 0;
-  int alarms = 0;       // of all kinds, beginnings
+  int alarms = 0;  // of all kinds, beginnings
+  // m, of the true place about its mean, in the coordinate in which it is the most: root of twice
+  // the variance, of each ten seconds from the begin on.
+  std::vector<double> swings;
   double limited = 0;   // part of the steps
   double headroom = 1;  // least
   bool lost() const { return !failure.empty() || !(rms < 200e-6); }
@@ -100,6 +110,9 @@ RigModel believed(const MachineSetting& setting);
 sim::WorldSettings plant(const MachineSetting& setting, const RigModel& model);
 double latency_of(const MachineSetting& setting);
 ControllerSettings settings_of(const MachineSetting& setting, ControlLaw law);
+
+/// What the loop watch says now and did not before, in a run's names.
+void note_quality(MachineResult& result, LoopQuality& before, const LoopQuality& now, double time);
 
 /// Holds the path's first position for `settle` seconds after the coils were switched on, then goes
 /// along; the errors are of the path and of `after` seconds at its end.

@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 namespace vitreo::usb3103 {
 namespace {
 
@@ -169,6 +171,29 @@ TEST_F(Usb3103BadDay, MakesSafeInSpiteOfAnInterruptAndPassesItOn) {
   EXPECT_THROW(coils->make_safe(), Stopped);
   EXPECT_EQ(bench.outputs(), Voltages{});
   EXPECT_EQ(coils->currents(), Currents(8));
+}
+
+// A stop that comes with the very report which takes the amplifiers' enable line away.
+TEST_F(Usb3103BadDay, PassesOnAnInterruptThatComesWithItsLastReport) {
+  settings.enable_line = 3;
+  const auto coils = open_on(bench);
+  coils->set_currents(kSomeCurrents);
+  const Report off = encode(DigitalOut{3, false});
+  const Report on = encode(DigitalOut{3, true});
+  const std::uint8_t zero = encode(AnalogOut{0, 0, false})[0];
+  int zeros = 0;
+  bench.answer = [&](Bytes report) -> std::optional<std::vector<Report>> {
+    if (report[0] == zero && ++zeros == 8) clock->interrupt();
+    return std::nullopt;
+  };
+  EXPECT_THROW(coils->make_safe(), Stopped);
+  bench.answer = nullptr;
+  EXPECT_EQ(bench.sent.back(), off);
+  EXPECT_EQ(coils->currents(), Currents(8));
+  // It counts as taken away: the next currents raise it again.
+  bench.sent.clear();
+  coils->set_currents(kSomeCurrents);
+  EXPECT_EQ(std::ranges::count(bench.sent, on), 1);
 }
 
 }  // namespace

@@ -22,9 +22,7 @@ struct Device {
 };
 
 using Jitter = std::function<double(std::mt19937&)>;
-double uniform(std::mt19937& random) {
-  return std::uniform_real_distribution<>(0, 20e-3)(random);
-}
+double uniform(std::mt19937& random) { return std::uniform_real_distribution<>(0, 20e-3)(random); }
 double exponential(std::mt19937& random) { return std::exponential_distribution<>(500)(random); }
 double mostly_prompt(std::mt19937& random) {
   const double most = std::uniform_real_distribution<>(0, 1)(random) < 0.9 ? 0.2e-3 : 20e-3;
@@ -96,8 +94,7 @@ TEST(DeviceClock, OfComparisonsKnowsTheTimeToHalfTheRoundTripAndTheDriftToo) {
 TEST(DeviceClock, BeginsAnewWhenTheDeviceWasRestarted) {
   const Device device;
   DeviceClock clock;
-  for (int i = 0; i < 500; ++i)
-    clock.arrived(device.at(i * 0.02), from_seconds(i * 0.02 + 1e-3));
+  for (int i = 0; i < 500; ++i) clock.arrived(device.at(i * 0.02), from_seconds(i * 0.02 + 1e-3));
   clock.arrived(1s, 20s);  // it counts from its power-up
   EXPECT_EQ(*clock.host_of(1s), 20s);
   EXPECT_EQ(*clock.host_of(2s), 21s);

@@ -283,18 +283,16 @@ TEST(FindLine, LooksIntoCallsAndElsewhereWhereATableIsComputed) {
 }
 
 TEST(FindLine, FollowsWhatAFunctionOfTheTextReturns) {
-  const std::
-      string
-          text =
-              "local function camera(n)\n return { driver = 'genicam',\n adress = n }\nend\n"  // 1
-                                                                                               // to
-                                                                                               // 4
-              "local function stage(n)\n local t = { driver = 'zaber' }\n t.adress = n\n return "
-              "t\nend\n"                                                                // 9
-              "local lamp = function()\n local t = {\n adress = 1 }\n return t\nend\n"  // 14
-              "return { top = camera(1), stage = stage 'x',\n turn = stage { 'y' }, lamp = "
-              "lamp(),\n"  // 16
-              " other = elsewhere(3) }";
+  const std::string text =
+      "local function camera(n)\n return { driver = 'genicam',\n adress = n }\nend\n"  // 1
+                                                                                       // to
+                                                                                       // 4
+      "local function stage(n)\n local t = { driver = 'zaber' }\n t.adress = n\n return "
+      "t\nend\n"                                                                // 9
+      "local lamp = function()\n local t = {\n adress = 1 }\n return t\nend\n"  // 14
+      "return { top = camera(1), stage = stage 'x',\n turn = stage { 'y' }, lamp = "
+      "lamp(),\n"  // 16
+      " other = elsewhere(3) }";
   EXPECT_EQ(find_line(text, "top.adress"), 3);
   EXPECT_EQ(find_line(text, "stage.driver"), 6);
   EXPECT_EQ(find_line(text, "stage.adress"), 7) << "a call by a string";

@@ -7,6 +7,7 @@
 #include "host/record/recorder.h"
 #include "host/record/run_lock.h"
 #include "tests/host/record/run_fixture.h"
+#include "tests/long_form.h"
 
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
@@ -31,7 +32,7 @@ namespace {
 using Steady = std::chrono::steady_clock;
 
 /// 10 in `make test`, 200 in `make test-long`.
-int kills() { return std::getenv("VITREO_LONG") ? 200 : 10; }
+int kills() { return long_or_short(200, 10); }
 constexpr int kAtOnce = 10;
 
 cv::Mat picture(std::int64_t number) {

@@ -182,10 +182,11 @@ TEST_F(Report, ShowsDrawingsBeforeThePlotsAsImagesThatCannotRun) {
 // Read first: what was done, whether it is good, and the number that matters.
 TEST_F(Report, BeginsWithTheSentenceTheNumberAndItsVerdict) {
   test::ReportedRecorder recorder(parent_.path(), test::servo_start());
+  recorder.result({"verdict_goal_met", 1, ""});
   recorder.result({"path_error_rms", 137e-6, "m"});
   recorder.table(
       {"Beside the thesis",
-       {"where", "what", "thesis", "ours", "tolerance", "verdict", "why"},
+       {"where", "what", "thesis", "ours", "measure", "verdict", "why"},
        {{"6.2", "path error", "\u2013", "137 \u00b5m", "at most 300 \u00b5m", "goal met", ""},
         {"5.4", "depth", "249 \u00b5m", "109 \u00b5m", "\u00b1 177 \u00b5m", "reproduced", ""},
         {"5.4", "width", "1 mm", "2 mm", "\u00b1 0.1 mm", "differs", "why"}}});
@@ -202,6 +203,9 @@ TEST_F(Report, BeginsWithTheSentenceTheNumberAndItsVerdict) {
   EXPECT_TRUE(contains(page, "1 differs, 1 goal met, 1 reproduced.")) << "counted apart";
   EXPECT_TRUE(contains(page, "<b class=\"verdict bad\">differs</b>"));
   EXPECT_TRUE(contains(page, "<b class=\"verdict good\">goal met</b><br>at most 300"));
+  EXPECT_FALSE(contains(page, "in the thesis \u2013")) << "which prints none";
+  const std::size_t measure = page.find(">measure<");
+  EXPECT_LT(measure, page.find("class=\"facts\"")) << "in the table at the head, too";
 }
 
 TEST_F(Report, OfAFailedRunSaysWhatFailedAndWhatIsKept) {

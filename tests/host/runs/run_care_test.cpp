@@ -14,6 +14,7 @@
 #include "host/runs/run_outline.h"
 #include "host/runs/run_reader.h"
 #include "tests/host/record/run_fixture.h"
+#include "tests/long_form.h"
 
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
@@ -225,7 +226,7 @@ TEST(RunReader, SurvivesRecordsThatAreCutMixedUpOrSomebodyElses) {
   const auto below = [&](std::size_t size) {
     return std::uniform_int_distribution<std::size_t>(0, size - 1)(random);
   };
-  const int rounds = std::getenv("VITREO_LONG") ? 2000 : 60;
+  const int rounds = long_or_short(2000, 60);
   for (int i = 0; i < rounds; ++i) {
     std::string broken = bytes, mixed = index;
     if (i % 3 == 0) broken.resize(below(bytes.size()));

@@ -58,7 +58,11 @@ TEST(RobotClearance, ATargetInsideOfTheRetinaOrTheMarginIsRefusedWithTheClearanc
   EXPECT_NE(near.find("0.10 mm from the retina"), std::string::npos) << near;
   EXPECT_NE(refusal([&] { servo->hold({0, 0, 10e-3}); }).find("lens"), std::string::npos);
   EXPECT_EQ(servo->status().target, Eigen::Vector3d(0, 0, 0)) << "the old place is held";
-  EXPECT_EQ(refusal([&] { servo->hold({0, 0, -4.2e-3}); }), "");
+  EXPECT_EQ(refusal([&] {
+              servo->hold({0, 0, -4.1e-3});
+            }),
+            "")
+      << "0.15 mm of doubt: the eye's place";
 }
 
 TEST(RobotClearance, AnUprightRobotNeedsMoreRoomThanOneThatLies) {
@@ -70,7 +74,7 @@ TEST(RobotClearance, AnUprightRobotNeedsMoreRoomThanOneThatLies) {
               servo->hold({0, 0, -4.2e-3});
             }).find("inside the retina"),
             std::string::npos);
-  EXPECT_EQ(refusal([&] { servo->hold({0, 0, -3.7e-3}); }), "");
+  EXPECT_EQ(refusal([&] { servo->hold({0, 0, -3.6e-3}); }), "");
 }
 
 TEST(RobotClearance, APathThatCrossesTheMarginIsRefusedBeforeItStarts) {
@@ -111,8 +115,8 @@ TEST(RobotClearance, ThroughAnEyeItIsLessCertainAndLeastSoWhereTheEyeIsNotKnown)
   const double by_unknown_eye = uncertainty(unknown, settings);
   settings.view.image_scale = 1.01;
   const double calibrated = uncertainty(unknown, settings);
-  EXPECT_LT(by_truth, 0.05e-3);
-  EXPECT_GT(by_image, 0.4e-3) << "1.5 % of size is 0.3 mm of depth";
+  EXPECT_NEAR(by_truth, 0.14e-3, 0.02e-3) << "50 um of the eye's place, and the axis";
+  EXPECT_GT(by_image, 0.6e-3) << "1.5 % of size is 0.3 mm of depth";
   EXPECT_GT(by_unknown_eye, 1.5 * by_image);
   EXPECT_LT(calibrated, 0.5 * by_unknown_eye) << "on the retina, where it counts";
 }
@@ -138,7 +142,8 @@ TEST(RobotClearance, WhateverPressesItEveryLawKeepsTheMargin) {
       least = std::min(least, true_clearance(bench));
     }
     EXPECT_GT(least, 0.25e-3) << to_string(law);
-    EXPECT_LT(least, 0.45e-3) << "it was pressed to the margin; " << to_string(law);
+    // The margin is of the bound: 0.15 mm nearer, as the eye's place is not known.
+    EXPECT_LT(least, 0.55e-3) << "it was pressed to the margin; " << to_string(law);
     EXPECT_TRUE(servo->status().kept_out) << to_string(law);
   }
 }

@@ -8,6 +8,7 @@
 #include "host/servo/believed_view.h"
 #include "host/servo/localizer.h"
 #include "optics/calibration/camera_calibration.h"
+#include "optics/pose/equivalent_ellipse.h"
 #include "optics/system/prescriptions.h"
 
 #include <Eigen/Cholesky>
@@ -25,10 +26,10 @@ namespace {
 
 constexpr double kDeg = std::numbers::pi / 180;
 
-RigModel rig_model() {
+RigModel rig_model(const control::Robot& robot = control::coni_2mm()) {
   RigModel model;
   model.eye = optics::model_eye_5_3();
-  model.robot = control::coni_2mm();
+  model.robot = robot;
   model.microscope.numerical_aperture = 0.01;
   model.microscope.focus = 12.3e-3;
   model.top_image.pixel = 20.7e-6;
@@ -119,27 +120,38 @@ TEST(RobotOutline, TooFewPointsAreLeftToTheEllipse) {
   EXPECT_FALSE(localizer.locate(seen, {0, 0, 4e-3}, lying()));
 }
 
-/// Pictures of the plates through the eye, at places aside of its axis.
-class Askew : public testing::Test {
- protected:
-  Askew() : model_(rig_model()), renderer_(renderer()), background_(background()) {
+/// Pictures of a robot through the eye, at places aside of its axis.
+class SeenAskew {
+ public:
+  explicit SeenAskew(const control::Robot& robot)
+      : model_(rig_model(robot)), renderer_(renderer()), background_(background()) {
     // The tracker's rim is a tenth of a pixel inside of the model's, which a loop takes for a
     // scale: it is calibrated on the retina.
     const Eigen::Vector3d axis(1, 0, 0), low(0, 0, -4.5e-3);
     Localizer first(model_, background_, axis);
     const Observation seen = first.look(picture(low, lying()));
     EXPECT_TRUE(seen.ellipse);
-    model_.top_image.pixel *=
-        optics::calibrate_pose(pose_settings_of(model_), seen.ellipse->ellipse.vector(), axis,
-                               low.z() - model_.eye_in_world.z())
-            .image_scale;
+    optics::EllipseVector ellipse = seen.ellipse->ellipse.vector();
+    if (has_flat_ends(robot)) ellipse = *optics::as_of_spheroid(settings_of(model_), ellipse, axis);
+    scale_ = optics::calibrate_pose(pose_settings_of(model_), ellipse, axis,
+                                    low.z() - model_.eye_in_world.z())
+                 .image_scale;
+    model_.top_image.pixel *= scale_;
   }
+  Localizer localizer(double axis_sigma = 0) const {
+    return {model_, background_, {1, 0, 0}, axis_sigma};
+  }
+  double scale() const { return scale_; }
 
   cv::Mat picture(const Eigen::Vector3d& at, const Eigen::Matrix3d& attitude) {
     sim::BodyLook look;
-    look.plate_thickness = plate_thickness(model_.robot);
+    if (has_flat_ends(model_.robot))
+      look.solid = sim::Solid::cylinder;
+    else
+      look.plate_thickness = plate_thickness(model_.robot);
     look.specular = 0.05;
-    const sim::BodyState body{at, attitude.col(2), 1e-3, 0.5e-3, attitude.col(0)};
+    const sim::BodyState body{at, attitude.col(2), model_.robot.semi_axis, model_.robot.semi_radius,
+                              attitude.col(0)};
     return renderer_.render({sim::DrawnBody{body, body, look}}, ++frame_);
   }
   /// m, of the depth, at places round the axis; the robot 2 degrees off its expected attitude.
@@ -162,11 +174,6 @@ class Askew : public testing::Test {
     return all;
   }
 
-  RigModel model_;
-  sim::Renderer renderer_;
-  vision::Background background_;
-  unsigned frame_ = 100;
-
  private:
   sim::Renderer renderer() const {
     sim::Sensor sensor;
@@ -183,27 +190,81 @@ class Askew : public testing::Test {
     for (unsigned k = 0; k < 15; ++k) learnt.learn(renderer_.render(nullptr, k));
     return learnt;
   }
+
+  RigModel model_;
+  sim::Renderer renderer_;
+  vision::Background background_;
+  unsigned frame_ = 100;
+  double scale_ = 1;
 };
+
+/// m, medians of the depth's error by the body's outline and by its ellipse.
+struct DepthErrors {
+  double outline, ellipse;
+};
+DepthErrors both_ways(SeenAskew& seen) {
+  Localizer localizer = seen.localizer(4 * kDeg);
+  EXPECT_TRUE(localizer.outlined());
+  const auto by_outline = seen.errors(localizer, true);
+  localizer.use_ellipse();
+  EXPECT_FALSE(localizer.outlined());
+  const auto by_ellipse = seen.errors(localizer, false);
+  return {by_outline[4], by_ellipse[3]};
+}
 
 // A plate that is seen askew loses of its width what no ellipsoid does: 62 um of depth for 14 on a
 // spiral (docs/localization.md).
-TEST_F(Askew, PlatesHaveTheirDepthByTheOutlineAndNotByTheEllipse) {
-  Localizer localizer(model_, background_, {1, 0, 0}, 4 * kDeg);
-  ASSERT_TRUE(localizer.outlined());
-  const auto by_outline = errors(localizer, true);
-  localizer.use_ellipse();
-  EXPECT_FALSE(localizer.outlined());
-  const auto by_ellipse = errors(localizer, false);
-  const double outline = by_outline[4], ellipse = by_ellipse[3];
-  EXPECT_LT(outline, 0.6 * ellipse);
+TEST(Askew, PlatesHaveTheirDepthByTheOutlineAndNotByTheEllipse) {
+  SeenAskew plates(control::coni_2mm());
+  const DepthErrors errors = both_ways(plates);
+  EXPECT_LT(errors.outline, 0.6 * errors.ellipse);
 }
 
-TEST_F(Askew, ATakenAxisIsTheThesisWay) {
-  Localizer localizer(model_, background_, {1, 0, 0});
+/// Pictures of flat ends, by their own ellipse with the axis estimated; and by the thesis'
+/// localization, for which the ellipse is converted and the axis taken.
+void expect_found(const control::Robot& robot) {
+  SeenAskew flat(robot);
+  EXPECT_NEAR(flat.scale(), 1, 0.02) << "flat ends are not taken for a scale";
+  Localizer own = flat.localizer(4 * kDeg);
+  EXPECT_FALSE(own.outlined());
+  const auto estimated = flat.errors(own, false);
+  Localizer thesis = flat.localizer();
+  const auto taken = flat.errors(thesis, false);
+  EXPECT_LT(estimated[estimated.size() / 2], 40e-6);  // 24, of the disc 17; taken 86 and 44
+  EXPECT_LT(estimated[estimated.size() / 2], 0.6 * taken[taken.size() / 2]);
+}
+
+// By their outline they are not found better: 27 um for 15, of the disc 54 for 18
+// (docs/localization.md).
+TEST(Askew, ACylinderHasItsDepthByItsOwnEllipse) { expect_found(control::ndfeb_cylinder_1mm()); }
+
+TEST(Askew, ADiscHasItsDepthByItsOwnEllipse) {
+  control::Robot robot = control::ndfeb_cylinder_1mm();
+  robot.shape = control::BodyShape::disc;
+  robot.semi_axis = 0.15e-3;
+  robot.semi_radius = 0.5e-3;
+  expect_found(robot);
+}
+
+TEST(Askew, ATakenAxisIsTheThesisWay) {
+  SeenAskew plates(control::coni_2mm());
+  Localizer localizer = plates.localizer();
   EXPECT_FALSE(localizer.outlined());
-  const Observation seen = localizer.look(picture({1e-3, 0, -1e-3}, lying()));
+  const Observation seen = localizer.look(plates.picture({1e-3, 0, -1e-3}, lying()));
   ASSERT_TRUE(seen.position);
   EXPECT_FALSE(seen.by_outline);
+}
+
+// Taken for the spheroid of its size a cylinder would be an eighth larger: two millimeters nearer.
+TEST(Askew, ATakenAxisOfACylinderIsThatOfTheSpheroidWhichStandsForIt) {
+  SeenAskew cylinder(control::ndfeb_cylinder_1mm());
+  Localizer localizer = cylinder.localizer();
+  for (const Eigen::Vector3d& at :
+       {Eigen::Vector3d(1e-3, 0, -1e-3), Eigen::Vector3d(-2e-3, 2e-3, 1e-3)}) {
+    const Observation seen = localizer.look(cylinder.picture(at, lying()));
+    ASSERT_TRUE(seen.position);
+    EXPECT_LT((*seen.position - at).norm(), 0.35e-3) << seen.position->transpose();
+  }
 }
 
 }  // namespace

@@ -140,6 +140,51 @@ TEST(Servo, AnOffsetMovesTheHeldPlaceAndOneThatIsNoBiasIsRefused) {
   EXPECT_EQ(servo->offset().z(), 60e-6);
 }
 
+// As `hold` does it before its measurement; the plant watch had taken the leap for exchanged leads,
+// and the filter for a current.
+TEST(Servo, AnOffsetIsNoMotionOfTheRobot) {
+  // A pose sensor's readings are not corrected, and its filter must not be either.
+  for (const ServoSettings& settings : {with(ControlLaw::estimator, Feedback::one_camera),
+                                        with(ControlLaw::pd, Feedback::one_camera),
+                                        with(ControlLaw::estimator, Feedback::pose_sensor)}) {
+    TestBench bench(2);
+    const auto servo = bench.held(6, settings);
+    const std::optional<Eigen::Vector3d> before = servo->status().disturbance;
+    servo->set_offset({86e-6, 0, -201e-6});
+    for (int i = 0; i < 40; ++i) {
+      bench.clock->sleep_for(from_seconds(0.1));
+      const ServoStatus now = servo->status();
+      ASSERT_EQ(now.state, ServoState::holding) << now.failure;
+      if (!before) continue;
+      EXPECT_LT((*now.disturbance - *before).norm(), 100e-6) << "m/s, after " << i;
+    }
+  }
+}
+
+// A robot is put elsewhere: until the filter takes it, the old place is as likely as the new one.
+TEST(Servo, APlaceThatIsPassedOverShowsNoMoreRoomThanTheFilterKnows) {
+  TestBench bench(2);
+  const auto servo = bench.held(6, with(ControlLaw::estimator, Feedback::pose_sensor));
+  servo->follow(control::Trajectory::line({0, 0, 0}, {0, 0, -1.5e-3}, {1e-3, 0.1}));
+  bench.clock->sleep_for(from_seconds(6));
+  const double before = servo->status().clearance->nearest().bound();
+  ASSERT_LT(before, 3e-3);
+  const Eigen::Vector3d high(0, 0, 4e-3);
+  bench.roles().sample->insert_robot(high);
+  int leapt = 0, taken = 0;
+  for (int i = 0; i < 60 && taken == 0; ++i) {
+    bench.clock->sleep_for(from_seconds(0.02));
+    const ServoStatus now = servo->status();
+    if (!now.position || now.position->z() < 2e-3) continue;
+    if (now.clearance->nearest().bound() > before + 2e-3)
+      ++taken;
+    else
+      ++leapt;
+  }
+  EXPECT_GE(leapt, 3) << "shown near the wall while only the reading had leapt";
+  EXPECT_EQ(taken, 1) << "and free once the filter has taken it";
+}
+
 TEST(Servo, APlainViewFromAboveNeedsASecondCamera) {
   RigDescription plain = whole_rig();
   plain.table["top_camera"] = ConfigValue{ConfigTable{{"view", {"plain"}}}};

@@ -39,7 +39,7 @@ TEST_F(RunControlUnit, ARequestRaisesTheTierAndNeverLowersIt) {
   }
   control.request(StopTier::stop);
   EXPECT_EQ(control.tier(), StopTier::emergency);
-  EXPECT_EQ(interrupted, 4) << "each one is delivered to the script";
+  EXPECT_EQ(interrupted, 3) << "a lower one changes nothing";
   EXPECT_EQ(RunControl::next(StopTier::none), StopTier::stop);
   EXPECT_EQ(RunControl::next(StopTier::stop), StopTier::abort);
   EXPECT_EQ(RunControl::next(StopTier::abort), StopTier::abort);

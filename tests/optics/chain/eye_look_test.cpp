@@ -130,6 +130,39 @@ TEST(EyeLook, TheRobotIsWhereItWasKnownToBe) {
                 1e-3);
 }
 
+// A look's size comes from eye, pixel and robot together: each takes the part that its variance has
+// of the whole, so that a doubt of the bench leaves less to the eye.
+TEST(EyeLook, TheBenchTakesItsPartOfWhatTheLookShows) {
+  const NominalChain nominal = nominal_chain();
+  NominalChain other = nominal;
+  other.prescription = perturbed(nominal.prescription, table_5_1().front(), 1.5);
+  const PoseSettings real = seen_through(nominal, other.prescription.system);
+  const auto look = project_spheroid(real, {0, 0, kRest}, kAxis);
+  ASSERT_TRUE(look);
+  const EyeLook one{seen_as(*look, 0.03, 1e-3), kAxis, kRest};
+  const ProbableView held = most_probable_view(nominal, one, {});
+  EXPECT_EQ(held.pixel, 1);
+  EXPECT_EQ(held.robot_length, 1);
+  const ProbableView free = most_probable_view(nominal, one, {0.005, 0.01});
+  const double larger =
+      std::log((*look)[2] / (*project_spheroid(seen_through(nominal, nominal.prescription.system),
+                                               {0, 0, kRest}, kAxis))[2]);
+  EXPECT_GT(std::log(free.robot_length) / larger, 0) << "a larger outline, a larger robot";
+  EXPECT_LT(std::log(free.pixel) / larger, 0) << "or smaller pixels";
+  // Their parts are as their variances, 4 to 1; half of what is common to length and width.
+  EXPECT_NEAR(-std::log(free.robot_length * free.robot_width) / std::log(free.pixel), 4, 0.4);
+  // What is left of it all at the place of the look is nothing.
+  NominalChain made = nominal;
+  made.prescription = free.eye;
+  made.image.pixel *= free.pixel;
+  made.robot = {nominal.robot.semi_axis * free.robot_length,
+                nominal.robot.semi_radius * free.robot_width};
+  const PoseSettings through = seen_through(made, made.prescription.system);
+  const auto found = locate(through, *look, one.seen.covariance, kAxis, {0, 0, kRest});
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->position_in_eye.z(), kRest, 20e-6);
+}
+
 TEST(EyeLook, BadLooksAreNamed) {
   const NominalChain nominal = nominal_chain();
   EyeLook one{seen_as({0, 0, 60, 30, 0}, 0.03, 1e-3), kAxis, kRest, 0};

@@ -165,6 +165,37 @@ TEST(ObjectPose, EveryBodyIsFoundWhereItWasProjected) {
   }
 }
 
+/// Without a place to start from the answer is that of a search which starts at the truth, at all
+/// heights, also where the orientation is known to a few hundredths only.
+TEST(ObjectPose, AColdSearchFindsWhatOneFromTheLastPlaceFinds) {
+  Tracker tracker;
+  for (const ObjectModel& body : {kSpheroid, kBall, kRod}) {
+    for (const double sigma : {0.0, 0.03}) {
+      ObjectPoseSettings settings = settings_of(body);
+      if (sigma > 0) settings.orientation_sigma = sigma;
+      for (const double z : {0.8, 2.5, 5.0, 7.5}) {
+        const Eigen::Vector3d place(1.5 * kMm, -1 * kMm, z * kMm);
+        const auto shown = project_object(settings, {place, orientation_along(kOblique)});
+        ASSERT_TRUE(shown);
+        const auto seen = tracker.look(*shown);
+        const Eigen::Matrix3d believed = orientation_along(kOblique) * turned(tracker.turn(sigma));
+        const ObjectPose cold =
+            locate_object(settings, seen.ellipse, seen.covariance, {{}, believed});
+        const ObjectPose warm =
+            locate_object(settings, seen.ellipse, seen.covariance, {place, believed});
+        ASSERT_FALSE(cold.candidates.empty());
+        ASSERT_FALSE(warm.candidates.empty());
+        EXPECT_EQ(cold.status, warm.status);
+        EXPECT_LT(
+            (cold.candidates[0].pose.position_in_eye - warm.candidates[0].pose.position_in_eye)
+                .norm(),
+            1 * kUm)
+            << z;
+      }
+    }
+  }
+}
+
 TEST(ObjectPose, TheCovarianceOfAPlaceIsHonestAlsoWhereTheEllipseIsRound) {
   constexpr int kTrials = 120;
   Tracker tracker;

@@ -148,6 +148,10 @@ TEST(ExactProjection, TheDepthAtWhichLinesCrossIsSoughtInEveryMeridian) {
   EXPECT_LT(exact.max_z(), 13 * kMm);  // before the lens
   // the tables' cubics, at nodes that are turned into one another
   EXPECT_NEAR(ExactProjection(model_eye_5_3(), turned, 7 * kMm).max_z(), exact.max_z(), 1e-9);
+  for (const Eigen::Vector2d& tilt : {Eigen::Vector2d(-0.03, 0), Eigen::Vector2d(0, -0.03)}) {
+    turned.tilt = tilt;
+    EXPECT_NEAR(ExactProjection(model_eye_5_3(), turned, 7 * kMm).max_z(), exact.max_z(), 1e-9);
+  }
 }
 
 TEST(ExactProjection, TheIrisEndsTheTable) {

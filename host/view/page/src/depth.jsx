@@ -1,4 +1,4 @@
-// Clearance: how far the robot's surface is from retina or lens at least (the lower end of the 95 % interval), in large figures;
+// Clearance: how far the robot's surface is from retina or lens at least (the lower end of the 99 % interval), in large figures;
 // the thesis' depth bar (figures 6.7 and 6.8) over the whole eye, and the last 2 mm always at one scale. Colors, words and
 // bars follow the lower end, never the estimate.
 import { useEffect, useRef, useState } from 'preact/hooks';
@@ -127,7 +127,7 @@ export function Depth({ store, zero, jog }) {
         <h2>{live ? `Clearance${level === 'unknown' ? '' : ', at least'}` : 'Last clearance'}</h2>
         <b class={`bound ${clearance?.bound >= 9.995e-3 ? 'long' : ''}`}>{level === 'unknown' ? '– –' : least(clearance.bound)}<small> mm</small></b>
         <span class="word">{said}</span>
-        <span class="tiny estimate" id="clearance" title="estimate and its 95 % half width">
+        <span class="tiny estimate" id="clearance" title="estimate and its 99 % half width">
           {clearance ? `${mm(clearance.distance)} ± ${mm(clearance.uncertainty)} mm${clearance.kept_out ? ', held off' : ''}` : 'the robot is not seen'}
         </span>
         {clearance?.uncertainty > kDoubtful && !clearance.kept_out ? <span class="tiny aim-line">calibrate on the {wall}</span> : null}

@@ -1,12 +1,14 @@
 // The eye: the top camera's picture with what the loop knows drawn on it. A click gives a target, a drag a path; zoom, pan,
 // contrast (of the display alone), measuring and flags. Positions under the pointer come from the rig's model ("where").
 import { useEffect, useRef, useState } from 'preact/hooks';
+import { holding, known } from './held.js';
 import { named, newest } from './link.js';
 import { LightPanel, Tools } from './tools.jsx';
-import { axes, cased, ellipse, kTrailSpan, label, penOf, polyline, scaleBar, target, toBox, toPicture } from './overlay.js';
+import { axes, cased, drawPicture, ellipse, kTrailSpan, label, penOf, polyline, scaleBar, sizeOf, target, toBox, toPicture, turnOf } from './overlay.js';
 
 const kClick = 6; // px: a drag that is shorter is a click
 const kAsk = 100; // ms between two questions for a position
+const kRoom = 24; // px: radius of a circle that has room for two words
 const kLate = 250, kOld = 1000; // ms
 
 const mm = (meters, digits = 2) => (meters * 1e3).toFixed(digits).replace('-', '−');
@@ -17,32 +19,44 @@ function rowAt(held, time) {
   return null;
 }
 
-/** Ellipse, trail and target of the loop; the robot's last ellipse dashed where it is lost. */
+/** Ellipse, trail and target of the loop; the robot's last ellipse dashed where it is lost. Where the retina is held still the
+    trail is the way over it: each of its points by the frame of its own time. */
 function drawLoop(pen, view, store, frame) {
   const held = store.streams.servo;
   if (!held) return;
   const recent = held.rows.filter((row) => row[0] > frame.time - kTrailSpan).map((row) => named(held, row)).filter((r) => r.u_px !== null);
-  if (recent.length > 1) cased(pen, '#56b4e9', 2, () => polyline(pen, recent.map((r) => toBox(view, [r.u_px, r.v_px]))));
+  if (recent.length > 1) cased(pen, '#56b4e9', 2, () => polyline(pen, recent.map((r) => toBox(view.heldAt ? { ...view, held: view.heldAt(r.t) ?? view.held } : view, [r.u_px, r.v_px]))));
   const now = rowAt(held, frame.time) ?? newest(store, 'servo'), seen = now.u_px !== null ? now : recent[recent.length - 1];
   if (seen) {
     const place = toBox(view, [seen.u_px, seen.v_px]);
-    ellipse(pen, place, seen.semi_major_px * view.scale, seen.semi_minor_px * view.scale, seen.angle, { dash: seen === now ? [] : [6, 4] });
-    const perMeter = view.perMeter * view.scale, sigma = Math.max(seen.sigma_x ?? 0, seen.sigma_y ?? 0);
+    ellipse(pen, place, seen.semi_major_px * sizeOf(view), seen.semi_minor_px * sizeOf(view), seen.angle + turnOf(view), { dash: seen === now ? [] : [6, 4] });
+    const perMeter = view.perMeter * sizeOf(view), sigma = Math.max(seen.sigma_x ?? 0, seen.sigma_y ?? 0);
     if (2.45 * sigma * perMeter > 6)
-      ellipse(pen, place, 2.45 * seen.sigma_x * perMeter, 2.45 * seen.sigma_y * perMeter, 0, { color: '#cc79a7', dash: [6, 4] });
+      ellipse(pen, place, 2.45 * seen.sigma_x * perMeter, 2.45 * seen.sigma_y * perMeter, turnOf(view), { color: '#cc79a7', dash: [6, 4] });
     const near = newest(store, 'clearance');
     if (near?.bound != null && near.bound < 1e-3) label(pen, `${mm(Math.max(0, near.bound))} mm`, place[0] + 14, place[1] + 26, { color: '#f0e442', size: 15 });
   }
   const aimed = store.status.target_px;
   if (!aimed) return;
   const covers = seen && Math.hypot(seen.u_px - aimed[0], seen.v_px - aimed[1]) < seen.semi_major_px;
-  target(pen, toBox(view, aimed), 'target', covers ? [0.6 * seen.semi_major_px * view.scale, -seen.semi_major_px * view.scale * 0.75 - 4] : undefined);
+  target(pen, toBox(view, aimed), 'target', covers ? [0.6 * seen.semi_major_px * sizeOf(view), -seen.semi_major_px * sizeOf(view) * 0.75 - 4] : undefined);
+}
+
+/** Zones of the retina that the robot keeps out of, where the last frame showed them; dashed where that is a second ago. */
+function drawZones(pen, view, store, frame) {
+  const held = store.streams.no_go_zones;
+  const zones = new Map((held?.rows ?? []).slice(-40).map((row) => named(held, row)).map((zone) => [zone.zone, zone]));
+  for (const zone of zones.values()) {
+    const place = toBox(view, [zone.u_px, zone.v_px]), radius = zone.radius_px * sizeOf(view);
+    ellipse(pen, place, radius, radius, 0, { color: '#d55e00', dash: frame.time - zone.t < 1 ? [] : [6, 4] });
+    label(pen, 'no go', place[0], place[1] + (radius > kRoom ? 4 : radius + 15), { color: '#ff9b57', align: 'center' });
+  }
 }
 
 export function Eye({ store, slot, hooks }) {
   const box = useRef(null), picture = useRef(null), over = useRef(null);
-  const [tool, setTool] = useState('aim'), [look, setLook] = useState({ low: 0, high: 255, open: false });
-  const state = useRef({ zoom: 1, center: null, path: null, given: null, ruler: null, flags: [], cursor: null, pointers: new Map(), asked: 0, id: 0, waits: {} }).current;
+  const [tool, setTool] = useState('aim'), [hold, setHold] = useState(false), [look, setLook] = useState({ low: 0, high: 255, open: false });
+  const state = useRef({ zoom: 1, center: null, path: null, given: null, ruler: null, flags: [], cursor: null, reference: null, pointers: new Map(), asked: 0, id: 0, waits: {} }).current;
   const frame = store.frames[slot], mine = store.status.control === 'mine' && store.status.takes_targets;
   const size = frame ? [frame.width, frame.height] : [1384, 1036];
 
@@ -59,15 +73,22 @@ export function Eye({ store, slot, hooks }) {
     const { pen: ground, w, h } = penOf(picture.current), { pen } = penOf(over.current);
     const view = (state.view = viewNow(w, h));
     if (!now) return;
+    if (hold) {
+      const { reference, at } = holding(store, now.time, state.reference);
+      Object.assign(state, { reference });
+      Object.assign(view, { held: at(now.time), heldAt: at });
+    }
+    state.isHeld = !!view.held;
     ground.imageSmoothingEnabled = view.scale < 3;
-    ground.drawImage(now.bitmap, ...toBox(view, [-0.5, -0.5]), size[0] * view.scale, size[1] * view.scale);
+    drawPicture(ground, view, now.bitmap, ...size);
+    drawZones(pen, view, store, now);
     drawLoop(pen, view, store, now);
     if (store.note.startsWith('refused')) state.given = null;
     const drawn = state.path ?? state.given;
     if (drawn?.length > 1) cased(pen, state.path ? '#ffffff' : '#ffffff99', 2, () => polyline(pen, drawn.map((p) => toBox(view, p))));
     drawMarks(pen, view, state);
-    axes(pen, 22, h - 20);
-    if (view.perMeter) scaleBar(pen, 72, h - 20, view.perMeter * view.scale, Math.min(130, w / 4));
+    axes(pen, 22, h - 20, turnOf(view));
+    if (view.perMeter) scaleBar(pen, 72, h - 20, view.perMeter * sizeOf(view), Math.min(130, w / 4));
   };
   useEffect(draw);
   useEffect(() => {
@@ -103,7 +124,7 @@ export function Eye({ store, slot, hooks }) {
   };
   const clamp = () => { if (state.zoom <= 1.001) Object.assign(state, { zoom: 1, center: null }); };
   const zoomAt = ([x, y], factor) => {
-    const before = toPicture(state.view, [x, y]);
+    const shown = { ...state.view, held: null }, before = toPicture(shown, [x, y]);
     state.zoom = Math.min(16, Math.max(1, state.zoom * factor));
     const view = viewNow(state.view.w, state.view.h);
     state.center = [before[0] - (x - view.w / 2) / view.scale, before[1] - (y - view.h / 2) / view.scale];
@@ -136,7 +157,7 @@ export function Eye({ store, slot, hooks }) {
     if (tool === 'pan' || (tool === 'aim' && !mine && state.dragged)) return panBy(here[0] - before[0], here[1] - before[1]);
     if (state.path && state.dragged) {
       const place = toPicture(state.view, here), last = state.path[state.path.length - 1];
-      if (Math.hypot(place[0] - last[0], place[1] - last[1]) * state.view.scale > 8) state.path.push(place);
+      if (Math.hypot(place[0] - last[0], place[1] - last[1]) * sizeOf(state.view) > 8) state.path.push(place);
     }
     if (tool === 'measure' && state.ruler) state.ruler.ends[1] = toPicture(state.view, here);
     draw(); // at once: the next frame may be a while
@@ -191,6 +212,7 @@ export function Eye({ store, slot, hooks }) {
   const acts = {
     zoom: (factor) => (factor === 0 ? (Object.assign(state, { zoom: 1, center: null }), draw()) : zoomAt(middle(), factor)),
     contrast: () => setLook({ ...look, open: !look.open }),
+    hold: () => { if (known(store)) Object.assign(state, { reference: null }), setHold(!hold); },
     snapshot,
     clear: () => (Object.assign(state, { flags: [], ruler: null }), draw()),
   };
@@ -203,11 +225,12 @@ export function Eye({ store, slot, hooks }) {
         onPointerDown={begin} onPointerMove={move} onPointerUp={finish} onPointerCancel={(event) => (state.pointers.delete(event.pointerId), (state.path = null))}
         onPointerLeave={() => (state.cursor = null)} onWheel={(event) => (event.preventDefault(), zoomAt(at(event), event.deltaY < 0 ? 1.2 : 1 / 1.2))} />
       {frame ? null : <p class="nothing"><b>No camera</b><br />{store.hello ? 'No picture has come from a top camera.' : 'The run has not begun.'}</p>}
-      <Tools tool={tool} setTool={setTool} acts={acts} look={look} />
+      <Tools tool={tool} setTool={setTool} acts={acts} look={look} hold={known(store) ? hold : null} />
       {look.open && frame ? <LightPanel look={look} setLook={setLook} frame={frame} /> : null}
       {frame ? <span class={`chip age ${live && age > kOld ? 'old' : live && age > kLate ? 'late' : ''}`}>
         {live ? `Through the eye · ${frame.rate ? `${frame.rate.toFixed(1)} /s · ` : ''}${age > kOld ? `${(age / 1000).toFixed(0)} s old` : `${Math.round(age / 10) * 10} ms old`}` : `Last picture, ${frame.time.toFixed(1)} s`}
       </span> : null}
+      {frame && hold ? <span id="held" class={`chip held ${state.isHeld ? '' : 'late'}`}>{state.isHeld ? 'Retina held still' : 'Retina not found: not held'}</span> : null}
       {state.cursor ? <span class="chip cursor" id="cursor">x {mm(state.cursor[0])}  y {mm(state.cursor[1])} mm  at z {mm(state.cursor[2])}</span> : null}
     </div>
   );

@@ -85,7 +85,8 @@ const withUnit = (number, unit) => number + (unit === '' || unit === '°' ? '' :
 export function formatQuantity(value, dimension, digits = 3) {
   if (!Number.isFinite(value)) return notFinite(value);
   if (dimension === 's' && Math.round(Math.abs(value)) >= 60) return minutes(value);
-  const size = Math.abs(rounded(value, digits));
+  // Below zero kelvins are a difference, however large.
+  const size = Math.min(Math.abs(rounded(value, digits)), dimension === 'K' && value < 0 ? 199 : Infinity);
   const unit = size === 0 ? usualOf(dimension) : unitsOf(dimension).find(([, , from]) => size >= from * (1 - 1e-12));
   let number = fromSi(unit, value);
   if (unit[1] < 1 && Math.abs(number) < kNothing) number = 0;

@@ -48,7 +48,7 @@ export function Head({ store, acts }) {
 
 const kKeys = [
   ['Space', 'STOP'], ['P', 'pause, resume'], ['T H M F', 'target, pan, measure, flag'], ['↑ ↓', '0.1 mm; Shift 0.01'], ['+ − 0', 'zoom'],
-  ['C', 'contrast'], ['S', 'snapshot'], ['Q', 'to the question'], ['A', 'alarm seen'], ['I', 'instruments'], ['Z', 'zero of z here'], ['?', 'this list'],
+  ['C', 'contrast'], ['R', 'hold the retina still'], ['S', 'snapshot'], ['Q', 'to the question'], ['A', 'alarm seen'], ['I', 'instruments'], ['Z', 'zero of z here'], ['?', 'this list'],
 ];
 
 function Menu({ store, acts, live, mine, close }) {

@@ -67,7 +67,7 @@ function Page() {
   const seen = () => { const [alarm] = openAlarms(store); if (alarm) store.send({ do: 'ack', alarm: alarm.name }); };
   const keys = {
     t: () => hooks.current.setTool('aim'), h: () => hooks.current.setTool('pan'), m: () => hooks.current.setTool('measure'), f: () => hooks.current.setTool('mark'),
-    '+': () => hooks.current.zoom(1.5), '-': () => hooks.current.zoom(1 / 1.5), 0: () => hooks.current.zoom(0), c: () => hooks.current.contrast(), s: () => hooks.current.snapshot(),
+    '+': () => hooks.current.zoom(1.5), '-': () => hooks.current.zoom(1 / 1.5), 0: () => hooks.current.zoom(0), c: () => hooks.current.contrast(), r: () => hooks.current.hold(), s: () => hooks.current.snapshot(),
     z: acts.zero, i: acts.instruments, p: pause, a: seen, q: () => (document.querySelector('#to-question')?.click(), document.querySelector('#question input, #question button')?.focus()),
     '?': () => document.querySelector('#more').click(), Escape: () => (setBench(false), hooks.current.setTool('aim')),
   };

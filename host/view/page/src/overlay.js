@@ -1,11 +1,34 @@
 // Drawing over pictures: lines with a dark casing, so that they are seen on any ground; ellipse, trail, target, scale bar, axes.
 
+import { apply, inverse } from './held.js';
+
 export const kTrailSpan = 10; // s
 const kFont = 'Inter, system-ui, sans-serif';
 
-/** A view of a picture: its point (cu, cv) in the middle of a box of w x h px, `scale` box pixels a picture pixel. */
-export const toBox = (view, [u, v]) => [(u - view.cu) * view.scale + view.w / 2, (v - view.cv) * view.scale + view.h / 2];
-export const toPicture = (view, [x, y]) => [(x - view.w / 2) / view.scale + view.cu, (y - view.h / 2) / view.scale + view.cv];
+/** A view of a picture: its point (cu, cv) in the middle of a box of w x h px, `scale` box pixels a picture pixel; where the retina
+    is held still, `held` takes the picture's pixels to where they are shown (held.js). */
+export function toBox(view, place) {
+  const [u, v] = view.held ? apply(view.held, place) : place;
+  return [(u - view.cu) * view.scale + view.w / 2, (v - view.cv) * view.scale + view.h / 2];
+}
+export function toPicture(view, [x, y]) {
+  const place = [(x - view.w / 2) / view.scale + view.cu, (y - view.h / 2) / view.scale + view.cv];
+  return view.held ? apply(inverse(view.held), place) : place;
+}
+
+/** Box pixels a pixel of the picture, and the turn of the picture in the box, rad. */
+export const sizeOf = (view) => view.scale * (view.held ? Math.hypot(view.held.a, view.held.b) : 1);
+export const turnOf = (view) => (view.held ? Math.atan2(view.held.b, view.held.a) : 0);
+
+/** Draws a picture of w x h px into its view. */
+export function drawPicture(pen, view, bitmap, w, h) {
+  const [x, y] = toBox(view, [0, 0]), size = sizeOf(view), turn = turnOf(view);
+  pen.save();
+  pen.translate(x, y);
+  pen.rotate(turn);
+  pen.drawImage(bitmap, -0.5 * size, -0.5 * size, w * size, h * size);
+  pen.restore();
+}
 
 /** Strokes what `path` draws: black at 65 % below, the color above. */
 export function cased(pen, color, width, path, dash = []) {
@@ -68,14 +91,19 @@ export function scaleBar(pen, x, y, perMeter, most = 110) {
   label(pen, barText(length), x + px + 8, y + 3, { size: 12 });
 }
 
-export function axes(pen, x, y, right = 'x', up = 'y') {
+/** Two axes from (x, y), turned by `turn` (rad, from right to down). */
+export function axes(pen, x, y, turn = 0, right = 'x', up = 'y') {
+  pen.save();
+  pen.translate(x, y);
+  pen.rotate(turn);
   cased(pen, '#fff', 1.5, () => {
-    polyline(pen, [[x, y - 26], [x, y], [x + 26, y]]);
-    polyline(pen, [[x - 4, y - 21], [x, y - 26], [x + 4, y - 21]]);
-    polyline(pen, [[x + 21, y - 4], [x + 26, y], [x + 21, y + 4]]);
+    polyline(pen, [[0, -26], [0, 0], [26, 0]]);
+    polyline(pen, [[-4, -21], [0, -26], [4, -21]]);
+    polyline(pen, [[21, -4], [26, 0], [21, 4]]);
   });
-  label(pen, right, x + 22, y - 7, { size: 12 });
-  label(pen, up, x + 6, y - 20, { size: 12 });
+  label(pen, right, 22, -7, { size: 12 });
+  label(pen, up, 6, -20, { size: 12 });
+  pen.restore();
 }
 
 /** Fits the canvas to its box at the screen's own resolution; a pen in CSS px, its size in `box`. */

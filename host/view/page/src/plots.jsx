@@ -1,4 +1,4 @@
-// Plots of the last minute: clearance with its 95 % band over the zones, error of the loop at a fixed scale. Axes have names,
+// Plots of the last minute: clearance with its 99 % band over the zones, error of the loop at a fixed scale. Axes have names,
 // units and "now" at the right; what leaves the scale is marked at the edge with its largest value.
 import { useState } from 'preact/hooks';
 import { named } from './link.js';
@@ -62,7 +62,7 @@ export function ClearancePlot({ store }) {
   const near = hover === null || !known.length ? null : known.reduce((a, b) => (Math.abs(x(b.t) - hover) < Math.abs(x(a.t) - hover) ? b : a));
   return (
     <section class="panel plot clearance-plot">
-      <h2>Clearance <span class="quiet">mm</span><span class="right" /><Key name="estimate" color="var(--accent)" /><Key name="95 %" color="var(--band)" band /></h2>
+      <h2>Clearance <span class="quiet">mm</span><span class="right" /><Key name="estimate" color="var(--accent)" /><Key name="99 %" color="var(--band)" band /></h2>
       <svg ref={place} role="img" aria-label="clearance over the last minute, mm">
         <Frame w={w} h={h} ticks={ticks} y={y} onHover={onHover}>
           <rect x={left} width={Math.max(0, right - left)} y={y(0.4)} height={Math.max(0, y(0) - y(0.4))} fill="var(--zone-close)" />

@@ -10,6 +10,7 @@ const kIcons = {
   minus: 'M10.5 4a6.5 6.5 0 1 0 0 13 6.5 6.5 0 0 0 0-13M15.5 15.5L21 21M7.5 10.5h6',
   fit: 'M4 9V4h5M20 9V4h-5M4 15v5h5M20 15v5h-5',
   contrast: 'M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18v18',
+  hold: 'M3 12c3-5 6-7 9-7s6 2 9 7c-3 5-6 7-9 7s-6-2-9-7M9 9v6h6V9zM10 9V7.5a2 2 0 0 1 4 0V9',
   snapshot: 'M4 8h4l2-3h4l2 3h4v11H4zM12 10a3.5 3.5 0 1 0 0 7 3.5 3.5 0 0 0 0-7',
 };
 
@@ -23,7 +24,8 @@ function Button({ icon, title, pressed, onClick, wide }) {
 
 const kTools = [['aim', 'target or path (T)'], ['pan', 'pan (H)', true], ['measure', 'measure (M)'], ['mark', 'flag (F)', true]];
 
-export function Tools({ tool, setTool, acts, look }) {
+/** `hold`: whether the retina is held still; null where it is not followed. */
+export function Tools({ tool, setTool, acts, look, hold }) {
   return (
     <div class="tools" role="toolbar" aria-label="tools">
       {kTools.map(([name, title, wide]) => <Button icon={name} title={title} wide={wide} pressed={tool === name} onClick={() => setTool(name)} />)}
@@ -32,6 +34,7 @@ export function Tools({ tool, setTool, acts, look }) {
       <Button icon="minus" title="zoom out (−)" wide onClick={() => acts.zoom(1 / 1.5)} />
       <Button icon="fit" title="whole picture (0)" wide onClick={() => (acts.zoom(0), acts.clear())} />
       <Button icon="contrast" title="contrast (C)" wide pressed={look.open} onClick={acts.contrast} />
+      {hold === null ? null : <Button icon="hold" title={hold ? 'let the retina move (R)' : 'hold the retina still (R)'} pressed={hold} onClick={acts.hold} />}
       <hr />
       <Button icon="snapshot" title="snapshot (S)" onClick={acts.snapshot} />
     </div>

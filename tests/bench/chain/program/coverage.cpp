@@ -3,10 +3,12 @@
 // Figures beside the floors of the study in docs/chain.md.
 //   chain_coverage [benches] [places] [frames] [first seed] [1: a line for each bench, 2: and for
 //   each place, which join_coverage.py joins over calls] [parts: "woei"] [seconds]
-// Parts: w wrong ellipses, o one look, e ex vivo, i in the eye.
+// Parts: w wrong ellipses, o one look, t one look in eyes of table 5.1 alone, e ex vivo, i in the
+// eye.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/calibration/camera_calibration.h"
 #include "optics/chain/chain_estimator.h"
+#include "optics/chain/eye_look.h"
 
 #include <Eigen/Dense>
 
@@ -195,10 +197,27 @@ void judge(const TrueBench& truth, const ChainBelief& belief, const Scale& scale
   }
 }
 
+/// The belief by the most probable eye, as the loop has it (host/servo/view_doubt): the height of
+/// the look is that above the believed retina.
+std::optional<ChainBelief> by_eye(const NominalChain& nominal, const ChainSigmas& sigmas,
+                                  const OutlineSeen& look, double lying, const BenchDoubt& bench) {
+  const Eigen::Vector3d axis(1, 0, 0);
+  const EyeLook one{look, axis, lying};
+  const ProbableView made = most_probable_view(nominal, one, bench);
+  NominalChain probable = nominal;
+  probable.prescription = made.eye;
+  probable.image.pixel *= made.pixel;
+  probable.robot.semi_axis *= made.robot_length;
+  probable.robot.semi_radius *= made.robot_width;
+  return eye_calibrated(prior_belief(probable, sigmas), one);
+}
+
 void one_look(const NominalChain& nominal, const ChainSigmas& sigmas, const Scale& scale,
               const char* name) {
   Tally before;
   Tally after;
+  Tally eye;
+  Tally with_bench;
   const ChainBelief prior = prior_belief(nominal, sigmas);
   PoseSettings believed;
   believed.image = nominal.image;
@@ -206,6 +225,9 @@ void one_look(const NominalChain& nominal, const ChainSigmas& sigmas, const Scal
   believed.exact.emplace(nominal.prescription.system, nominal.microscope, 8e-3);
   const std::string uncalibrated = std::string(name) + ", uncalibrated";
   const std::string one = std::string(name) + ", one look";
+  const std::string eye_alone = std::string(name) + ", one look, eye";
+  const std::string probable = std::string(name) + ", one look, eye and bench";
+  const bool bench = sigmas.robot_size > 0;
   for (int k = 0; k < scale.benches && !scale.over(); ++k) {
     const std::uint64_t seed = scale.first + static_cast<std::uint64_t>(k);
     const TrueBench truth(nominal, sigmas, seed);
@@ -229,9 +251,21 @@ void one_look(const NominalChain& nominal, const ChainSigmas& sigmas, const Scal
     } catch (const std::invalid_argument&) {
       ++after.lost;
     }
+    const auto take = [&](const BenchDoubt& doubt, const std::string& called, Tally& tally) {
+      try {
+        const auto belief = by_eye(nominal, sigmas, *look, lying, doubt);
+        if (belief) judge(truth, *belief, scale, {called.c_str(), seed}, random, tally);
+      } catch (const std::invalid_argument&) {
+        ++tally.lost;
+      }
+    };
+    take({}, eye_alone, eye);
+    if (bench) take({sigmas.pixel, sigmas.robot_size}, probable, with_bench);
   }
   before.print(uncalibrated.c_str(), "557 / 644 (all priors)");
   after.print(one.c_str(), "311 / 369 depth, 226 / 335 height");
+  eye.print(eye_alone.c_str(), "the same");
+  if (bench) with_bench.print(probable.c_str(), "the same");
 }
 
 void session(const NominalChain& nominal, const Scale& scale, const char* name, const char* floor,
@@ -252,11 +286,11 @@ void session(const NominalChain& nominal, const Scale& scale, const char* name, 
       tally.join(alone);
       if (scale.each)
         std::printf(
-            "  bench %2d: chi2 %.0f of %d, %zu minima of %d starts, rms z %.0f aside %.0f um, "
+            "  bench %2d: %s, chi2 %.0f of %d, %zu minima of %d starts, rms z %.0f aside %.0f um, "
             "in 95 %% %d of %d\n",
-            k, made.chi2, made.degrees_of_freedom, made.minima.size(), made.ended_starts,
-            1e6 * rms(alone.errors_z), 1e6 * rms(alone.errors_aside), alone.within_3d,
-            alone.places);
+            k, to_string(made.status), made.chi2, made.degrees_of_freedom, made.minima.size(),
+            made.ended_starts, 1e6 * rms(alone.errors_z), 1e6 * rms(alone.errors_aside),
+            alone.within_3d, alone.places);
     } catch (const std::invalid_argument&) {
       ++tally.lost;
     }
@@ -385,14 +419,22 @@ int main(int count, char** arguments) {
     compare_programs(nominal, scale);
   }
   if (wanted('w')) wrong_ellipses(nominal, 20 * scale.benches, scale.first);
-  if (wanted('o')) {
-    one_look(nominal, {}, scale, "whole bench off");
+  if (wanted('o')) one_look(nominal, {}, scale, "whole bench off");
+  if (wanted('o') || wanted('t') || wanted('r')) {
     ChainSigmas table = ChainSigmas::none();
     table.eye = table_5_1();
     table.pixel = 1e-4;
-    one_look(nominal, table, scale, "table 5.1");
+    if (!wanted('r')) one_look(nominal, table, scale, "table 5.1");
     table.retina_depth = 0.3e-3;
     one_look(nominal, table, scale, "table 5.1 and retina 0.3 mm");
+  }
+  if (wanted('s')) {  // what observation_bound.lua calculates with
+    ChainSigmas loop = ChainSigmas::none();
+    loop.eye = table_5_1();
+    loop.pixel = 0.005;
+    loop.robot_size = 0.01;
+    loop.microscope_tilt = 3.5e-3;
+    one_look(nominal, loop, scale, "loop's bench");
   }
   if (wanted('e'))
     session(nominal, scale, "calibrate_bench", "47 / 68 depth, 7 / 13 aside",

@@ -2,10 +2,10 @@
 // frames of flight leave of the height's calibration part and whether the truth is in the stated
 // interval, how often a bench that stays is called changed, and after how many frames a changed
 // one is found, beside the noncentrality that linear theory gives.
-//   chain_self_calibration [benches] [frames] [first seed] [parts: "grcb"] [frames before a change]
-//   [frames after it] [the change's name, its beginning]
+//   chain_self_calibration [benches] [frames] [first seed] [parts: "grcbl"] [frames before a
+//   change] [frames after it] [the change's name, its beginning]
 // Parts: g goals and false alarms, r the recursive form against whole sessions, c changes, b
-//   what changes could at most be found by.
+//   what changes could at most be found by, l what the information of landings and frames leaves.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/chain/chain_planner.h"
 #include "optics/chain/chain_refiner.h"
@@ -20,6 +20,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -139,6 +140,53 @@ void goals(const NominalChain& nominal, int benches, int frames, std::uint64_t f
       alarms, benches, at_part(evidence, 1), twins,
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
   std::fflush(stdout);
+}
+
+/// By linear theory at drawn benches, no estimate in it: (1 + information of five landings and so
+/// many frames)^-1. 120 frames stand for any number.
+void limits(const NominalChain& nominal, int benches, std::uint64_t first) {
+  constexpr std::size_t kFlown = 120;
+  const std::vector<int> counts{0, 100, 300, 1000};
+  std::vector<std::vector<double>> left(counts.size());
+  for (int k = 0; k < benches; ++k) {
+    std::mt19937_64 random(first + static_cast<std::uint64_t>(k));
+    std::normal_distribution<double> normal;
+    const auto parameters = chain_parameters(nominal, {});
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(parameters.size()));
+    for (double& one : theta) one = normal(random);
+    const ViewingChain chain(nominal, parameters, theta);
+    const auto add = [&](ChainSession& session, std::vector<Eigen::Vector3d>& places,
+                         const Eigen::Vector3d& axis, const Eigen::Vector3d& place, bool lying) {
+      const auto seen = planned_outline(chain, {place, axis, chain.nominal().image.center_px},
+                                        lying ? 0.05 : kNoise_px, kAxisSigma);
+      if (!seen) return;
+      ChainLook look{*seen, axis};
+      if (lying) look.contact_sigma = 30e-6, look.lying_height = nominal.robot.semi_radius;
+      session.looks.push_back(look);
+      places.push_back(place);
+    };
+    ChainSession landings, flight;
+    std::vector<Eigen::Vector3d> touched, flown;
+    for (const Eigen::Vector2d& at :
+         {Eigen::Vector2d(0, 0), Eigen::Vector2d(3e-3, 0), Eigen::Vector2d(-3e-3, 0),
+          Eigen::Vector2d(0, 3e-3), Eigen::Vector2d(0, -3e-3)}) {
+      const double retina = nominal_retina(chain, at) + retina_offset(chain, at);
+      add(landings, touched, {1, 0, 0}, {at.x(), at.y(), retina + nominal.robot.semi_radius}, true);
+    }
+    for (std::size_t i = 0; flown.size() < kFlown && i < 10 * kFlown; ++i) {
+      const Eigen::Vector3d axis = random_axis(random, 0.35);
+      add(flight, flown, axis, random_place(random), false);
+    }
+    const Eigen::MatrixXd landed = Eigen::MatrixXd::Identity(theta.size(), theta.size()) +
+                                   session_information(chain, landings, touched);
+    const Eigen::MatrixXd each =
+        session_information(chain, flight, flown) / static_cast<double>(flown.size());
+    for (std::size_t i = 0; i < counts.size(); ++i)
+      left[i].push_back(left_of({chain, (landed + counts[i] * each).inverse()}, PlanGoal::height));
+  }
+  for (std::size_t i = 0; i < counts.size(); ++i)
+    std::printf("five landings, %4d frames, by their information: %.0f / %.0f um of the height\n",
+                counts[i], 1e6 * at_part(left[i], 0.5), 1e6 * at_part(left[i], 0.9));
 }
 
 /// From the same landings and frames: what the recursive form leaves of the height's calibration
@@ -351,6 +399,7 @@ int main(int count, char** arguments) {
   if (parts.find('g') != std::string::npos) goals(nominal, benches, number(2, 300), first);
   if (parts.find('r') != std::string::npos) recursive_form(nominal, benches, number(2, 40), first);
   if (parts.find('b') != std::string::npos) bound(nominal, benches, first);
+  if (parts.find('l') != std::string::npos) limits(nominal, benches, first);
   if (parts.find('c') != std::string::npos)
     find_changes(nominal, benches, first, static_cast<std::size_t>(number(5, 100)), number(6, 300),
                  count > 7 ? arguments[7] : "");

@@ -50,6 +50,10 @@ void study(const std::string& name, std::uint64_t first, int count, double margi
   std::vector<double> uncertainty;
   std::vector<double> bias;
   std::vector<double> end;
+  std::vector<double> excess;
+  std::vector<double> below;
+  std::vector<double> cautious;
+  std::vector<double> sigmas;
   int good = 0;
   int touched = 0;
   int late = 0;
@@ -76,6 +80,8 @@ void study(const std::string& name, std::uint64_t first, int count, double margi
     uncertainty.push_back(one.uncertainty);
     bias.push_back(one.bias);
     end.push_back(one.end_true);
+    excess.push_back(one.excess);
+    below.push_back(one.below);
     good += one.optimism <= 50e-6 ? 1 : 0;
     touched += one.touched ? 1 : 0;
     late += one.touched && !one.red_first ? 1 : 0;
@@ -100,6 +106,8 @@ void study(const std::string& name, std::uint64_t first, int count, double margi
       "coils did something else %d; alarms %d; not run %d\n",
       touched, late, pushed, ended, touched - pushed - ended, alarms, not_run);
   quantiles("shown less true, the most of each run, um", optimism, 1e-6);
+  quantiles("true less shown bound, median of each run, mm", below, 1e-3);
+  quantiles("error over half width, the most of each run", excess, 1);
   quantiles("uncertainty at the end, mm", uncertainty, 1e-3);
   quantiles("shown distance less the true one then, mm", bias, 1e-3);
   quantiles("least true clearance, mm", least, 1e-3);

@@ -180,8 +180,12 @@ class Run {
     laboratory.sigmas = sim::PlantSigmas::stated();
     sim::add_stated_truth(laboratory.world.coils);
     sim::WorldSettings world = sim::sampled_world(laboratory, seed);
-    const double size = sim::sample_plant(laboratory.sigmas, seed).size;
-    latency_ = sim::sampled_latency(sim::sample_plant(laboratory.sigmas, seed), 0.08);
+    const sim::PlantSample drawn = sim::sample_plant(laboratory.sigmas, seed);
+    const double size = drawn.size;
+    latency_ = sim::sampled_latency(drawn, 0.08);
+    // The eye stands where the loop does not know it to be.
+    world.cavity.vertex += drawn.eye;
+    eye_.vertex += drawn.eye;
     for (const Fault& fault : faults_)
       if (fault.kind == Kind::flow)
         world.flow.z() -= fault.by;
@@ -260,7 +264,7 @@ class Run {
 
   void judge(double time, const sim::BodyState& body, bool let_go, Outcome& outcome) {
     if (time < kSettle || ++judged_ % 5 != 0) return;
-    const double clear = samples::least_distance({}, body_, body.position, body.axis).nearest();
+    const double clear = samples::least_distance(eye_, body_, body.position, body.axis).nearest();
     if (!let_go) outcome.least = std::min(outcome.least, clear);
     if (clear > kTouch) return;
     outcome.sank = let_go;
@@ -278,6 +282,7 @@ class Run {
   std::vector<Fault> faults_;
   std::optional<sim::World> world_;
   samples::Points body_;
+  samples::Eye eye_;
   double latency_ = 0.08;
   std::deque<std::pair<double, control::PositionMeasurement>> coming_;
   std::deque<std::pair<double, control::Currents>> orders_;

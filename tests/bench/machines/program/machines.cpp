@@ -202,6 +202,14 @@ int main(int argc, char** argv) {
   if (wanted("hold")) holds(drawn, first, count, "Hold, the simulated rig's plant");
   if (wanted("hold_model"))
     holds(model, first, count, "Hold, the model's plant (coils and moment drawn, no walls)");
+  if (studies.contains("corners")) {
+    header("Hold, the worst corners", true);
+    for (const Mistake& mistake : corners()) {
+      MachineSetting one = drawn;
+      one.mistake = mistake;
+      row(mistake.name, one, false, first, count, true);
+    }
+  }
   if (studies.contains("corner")) worst_corner(drawn, first, count);
   if (wanted("square")) squares(drawn, first, count, "Square, the simulated rig's plant", false);
   if (wanted("square_mistakes"))
@@ -216,7 +224,20 @@ int main(int argc, char** argv) {
   if (wanted("square_model")) squares(model, first, count, "Square, the model's plant", false);
   if (studies.contains("identify")) identify(drawn, first, count);
   if (studies.contains("watch")) watch(drawn, first, count);
+  if (studies.contains("cycles")) cycles(drawn, first, count);
   if (studies.contains("false_alarms")) false_alarms(drawn, first, count);
+  if (studies.contains("false_alarms_by_camera"))
+    for (const double lever : {0.5e-3, 2.5e-3}) {
+      MachineSetting camera = drawn;
+      camera.view_lever = lever;
+      std::printf("\nThe view errs by %.1f mm per radian of pitch", 1e3 * lever);
+      false_alarms(camera, first, count);
+    }
+  if (studies.contains("false_alarms_turning")) {
+    MachineSetting turning = drawn;
+    turning.turning = 0.3;
+    false_alarms(turning, first, count);
+  }
   if (studies.contains("field")) field_study(drawn, first, count);
   return 0;
 }

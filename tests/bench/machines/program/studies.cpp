@@ -43,7 +43,7 @@ void identify_from(const MachineSetting& setting, const Mistake& mistake, std::u
                    int count) {
   Errors delay_x, delay_z, across, along;
   std::vector<double> nominal, wrong, after;
-  int failed = 0;
+  int failed = 0, alarms = 0, coils = 0, oscillations = 0, standstills = 0;
   double duration = 0;
   for (int k = 0; k < count; ++k) {
     MachineSetting one = setting;
@@ -58,6 +58,14 @@ void identify_from(const MachineSetting& setting, const Mistake& mistake, std::u
       continue;
     }
     duration = found.duration;
+    if (found.watched.alarms > 0)
+      std::printf("  seed %llu: coil %d at %.1f s, oscillation %.1f, standstill %.1f\n",
+                  static_cast<unsigned long long>(one.seed), found.watched.weak_coil,
+                  found.watched.weak, found.watched.oscillation, found.watched.standstill);
+    alarms += found.watched.alarms;
+    coils += found.watched.weak_coil != 0 ? 1 : 0;
+    oscillations += found.watched.oscillation >= 0 ? 1 : 0;
+    standstills += found.watched.standstill >= 0 ? 1 : 0;
     delay_x.add(found.x.delay.value - found.delay, found.x.delay.sigma);
     delay_z.add(found.across.delay.value - found.delay, found.across.delay.sigma);
     across.add(found.sink_across.value / found.true_across - 1,
@@ -69,6 +77,8 @@ void identify_from(const MachineSetting& setting, const Mistake& mistake, std::u
   }
   std::printf("\n%s: %d machines, %d failed, %.0f s each; median, 95 %%, worst; error over sigma\n",
               mistake.name.c_str(), count, failed, duration);
+  std::printf("  false alarms %d; machines: weak coil %d, oscillation %d, standstill %d\n", alarms,
+              coils, oscillations, standstills);
   delay_x.print("delay by steps along x, ms", 1e-3);
   delay_z.print("delay by falls (z), ms", 1e-3);
   across.print("drag over weight across, %", 1e-2);
@@ -126,17 +136,29 @@ void watch(const MachineSetting& setting, std::uint64_t first, int count) {
   }
   print_times("all", all, 5);
   std::printf("  another coil was named first: %d\n", wrong);
-  std::printf("\nA limit cycle: named after s from the begin\n");
-  for (const double gain : {6.0, 9.0}) {
-    std::vector<double> times;
+}
+
+void cycles(const MachineSetting& setting, std::uint64_t first, int count) {
+  // m, of the last ten of 61 s: fourteen standard deviations of the sensor, and its noise's share.
+  constexpr double kCycle = 60e-6, kRest = 20e-6;
+  const auto place = control::Trajectory::hold_at({2e-3, 0, 1e-3});
+  std::printf("\nPD: machines that swing after a minute, and those named within 10 s of each\n");
+  for (const double gain : {1.5, 6.0, 7.5, 9.0, 10.5, 12.0, 15.0}) {
+    std::vector<double> cycling, rest, between, swings;
     for (int k = 0; k < count; ++k) {
       MachineSetting one = setting;
       one.seed = first + static_cast<std::uint64_t>(k);
       one.proportional = gain;
-      const MachineResult found = run_machine(one, Law::pd, place, 8, 12);
-      times.push_back(found.oscillation);
+      const MachineResult found = run_machine(one, Law::pd, place, 8, 53);
+      const double swing = found.swings.empty() ? 0 : found.swings.back();
+      swings.push_back(swing);
+      (swing > kCycle ? cycling : swing < kRest ? rest : between).push_back(found.oscillation);
     }
-    print_times("PD with " + std::to_string(static_cast<int>(gain)) + " /s", times, 10);
+    std::printf("%.1f /s: swing um, median %.1f, most %.1f\n", gain, quantile(swings, 0.5) * 1e6,
+                quantile(swings, 1) * 1e6);
+    print_times("in a limit cycle", cycling, 10);
+    print_times("between", between, 10);
+    print_times("that ring down", rest, 10);
   }
 }
 

@@ -58,7 +58,7 @@ TEST_F(ControlBinding, AllocationMakesWhatWasWantedAndTheFieldSaysSo) {
       "local robot = control.robot { name = 'ndfeb_cylinder_1mm' } "
       "assert(math.abs(robot.net_weight - "
       "12.6e-6) < 0.2e-6)\n"
-      "assert(#control.robots() == 5)");
+      "assert(#control.robots() == 6)");
   EXPECT_EQ(end.error, "");
 }
 

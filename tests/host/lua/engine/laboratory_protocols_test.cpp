@@ -33,8 +33,8 @@ const std::map<std::string, std::string> kMissing{
     {"track_sequence", "images: is missing"},
     {"calibrate_field", "pose_sensor needs that role, and this rig has none"},
     {"dock", "pose_sensor needs that role, and this rig has none"},
-    {"swim_path", "pose_sensor needs that role, and this rig has none"},
-    {"swim_frequency", "pose_sensor needs that role, and this rig has none"},
+    {"swim_path", "does not swim: wants a helix"},
+    {"swim_frequency", "does not swim: wants a helix"},
     {"select_colors", "pose_sensor needs that role, and this rig has none"}};
 const std::set<std::string> kSimulatedOnly{"drift_orientations", "gel_step", "push_discs",
                                            "track_in_eye", "track_occluded"};

@@ -150,7 +150,8 @@ TEST_F(RigFile, WhatWouldNotEndInsideOneCallIsRefused) {
                            "for w in s:gmatch(('[a-c]+'):rep(8) .. 'b') do local _ = w end"})
     expect_all(broken(long_text + call), {"r.lua:2:", "pattern could take too long", "30000"});
   expect_all(broken("return {\n x = ('x'):rep(1e12) }"), {"r.lua:2:"});
-  const std::string few_and_long = "local s = ('x'):rep(16e6)\nwhile true do local _ = s .. 'y' end";
+  const std::string few_and_long =
+      "local s = ('x'):rep(16e6)\nwhile true do local _ = s .. 'y' end";
   expect_all(broken(few_and_long), {"r.lua:2:", "takes too long to read"});
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
   EXPECT_LT(took.count(), 60) << "2 s of the thread's time are the limit; the rest is other load";

@@ -3,6 +3,7 @@
 
 #include "devices/links/address.h"
 #include "tests/devices/links/echo_peer.h"
+#include "tests/long_form.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -44,7 +45,7 @@ void write(const std::filesystem::path& file, const std::string& text) {
 
 }  // namespace
 
-int trials() { return std::getenv("VITREO_LONG") != nullptr ? 200 : 5; }
+int trials() { return long_or_short(200, 5); }
 
 const char* const kProtocol = R"(
 local s = require("units").s

@@ -1,0 +1,193 @@
+// The record's writer on a disk that is slow, silent or broken, against its header and
+// docs/records.md.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/record/record_writer.h"
+#include "tests/host/record/record_writer_reference.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+using namespace std::chrono_literals;
+using reference::add_stream;
+using reference::camera_of;
+using reference::Folder;
+using reference::gray;
+using reference::HeldDisk;
+using reference::Rows;
+using reference::small_limits;
+using reference::within;
+
+const StreamInfo kStream{"s", "x", {{"v", "m"}}, "c"};
+const std::vector<double> kValue{2.5};
+
+RunData data_of(std::size_t samples) {
+  RunData data;
+  data.streams = {{kStream, {}, {}}};
+  for (std::size_t i = 0; i < samples; ++i) {
+    data.streams[0].times.push_back(Time(i));
+    data.streams[0].values.push_back(kValue[0]);
+  }
+  return data;
+}
+std::string error_of(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+/// Gives samples from `row` on, which are numbered and timed by their row.
+void give(RecordWriter& writer, std::size_t row, std::size_t count) {
+  for (std::size_t i = row; i < row + count; ++i) writer.sample(0, i, Time(i), kValue);
+}
+
+TEST(RecordWriterDiskReference, a_full_queue_holds_samples_up_and_says_for_how_long) {
+  const Folder folder;
+  RecordLimits limits = small_limits();
+  limits.queued_rows = 3;
+  RecordWriter writer(folder.path(), {}, limits);
+  add_stream(writer, kStream);
+  std::atomic<int> done{0};
+  std::thread producer, poster;
+  {
+    HeldDisk held(writer);
+    give(writer, 0, 3);  // do not wait
+    EXPECT_EQ(writer.held(), 0);
+    const auto offered = std::chrono::steady_clock::now();
+    for (int i = 0; i < 10; ++i) writer.offer([](RecordFile&) { ADD_FAILURE(); });
+    EXPECT_LT(std::chrono::steady_clock::now() - offered, 100ms);
+    producer = std::thread([&] {
+      give(writer, 3, 1);
+      ++done;
+    });
+    poster = std::thread([&] {
+      writer.post([&](RecordFile&) { ++done; }, false);
+      ++done;
+    });
+    std::this_thread::sleep_for(60ms);
+    EXPECT_EQ(done, 0);
+    held.release();
+  }
+  producer.join();
+  poster.join();
+  give(writer, 4, 6);
+  EXPECT_GE(writer.held(), 0.05);
+  EXPECT_LT(writer.held(), 5);
+  const auto alarms = writer.drain_alarms();
+  ASSERT_FALSE(alarms.empty());
+  const std::string words = "back pressure: the disk is behind and held up the run for ";
+  EXPECT_EQ(alarms[0].substr(0, words.size()), words);
+  EXPECT_GE(std::stod(alarms[0].substr(words.size())), 0.05);
+  RunData data = data_of(10);
+  data.links = {{Time(3), "stage", "tcp:a", "to", {1, 2}}, {Time(4), "stage", "tcp:a", "from", {}}};
+  writer.stop();
+  EXPECT_EQ(done, 3);
+  writer.finish({}, data);
+  EXPECT_EQ(folder.rows("select count(*), min(seq), max(seq) from sample_s"),
+            (Rows{{"10", "1", "10"}}));
+  // What was offered in vain is written at the end.
+  EXPECT_EQ(folder.rows("select t_ns, event, bytes from link order by seq"),
+            (Rows{{"3", "to", "0102"}, {"4", "from", ""}}));
+}
+
+TEST(RecordWriterDiskReference, under_the_virtual_clock_a_frame_without_room_waits) {
+  const Folder folder;
+  RecordLimits limits = small_limits();
+  limits.queued_frame_bytes = 100;  // two of them
+  RecordWriter writer(folder.path(), {}, limits);
+  writer.add_camera(camera_of("top"));
+  std::atomic<int> given{0};
+  HeldDisk held(writer);
+  std::thread producer([&] {
+    for (std::uint64_t i = 0; i < 4; ++i, ++given) EXPECT_TRUE(writer.frame(0, gray(i)));
+  });
+  EXPECT_TRUE(within(2s, [&] { return given == 2; }));
+  std::this_thread::sleep_for(60ms);
+  EXPECT_EQ(given, 2);
+  held.release();
+  producer.join();
+  EXPECT_EQ(writer.frames().size(), 4U);
+  EXPECT_EQ(writer.dropped(), std::vector<std::uint64_t>{0});
+  EXPECT_GE(writer.held(), 0.05);
+}
+
+TEST(RecordWriterDiskReference, a_disk_that_does_not_answer_has_failed_after_the_patience) {
+  const Folder folder;
+  RecordLimits limits = small_limits();
+  limits.queued_rows = 2;
+  limits.patience = 80ms;
+  RecordWriter writer(folder.path(), {}, limits);
+  writer.add_camera(camera_of("top"));
+  add_stream(writer, kStream);
+  std::atomic<int> calls{0};
+  writer.on_fault([&] { ++calls; });
+  HeldDisk held(writer);
+  give(writer, 0, 2);
+  EXPECT_EQ(writer.fault(), "");
+  const auto begun = std::chrono::steady_clock::now();
+  const std::string error = error_of([&] { give(writer, 2, 1); });
+  EXPECT_GE(std::chrono::steady_clock::now() - begun, 80ms);
+  EXPECT_NE(error.find("disk has not answered"), std::string::npos) << error;
+  EXPECT_EQ(writer.fault(), error);
+  EXPECT_EQ(error_of([&] { give(writer, 2, 1); }), error);
+  EXPECT_EQ(error_of([&] { writer.frame(0, gray(1)); }), error);
+  held.release();
+  EXPECT_TRUE(within(1s, [&] { return calls == 1; }));
+  writer.stop();
+  EXPECT_EQ(calls, 1);
+  writer.finish({}, data_of(3));
+  EXPECT_EQ(folder.rows("select count(*) from sample_s"), (Rows{{"3"}}));
+}
+
+TEST(RecordWriterDiskReference, what_a_failed_disk_did_not_take_is_written_at_the_end) {
+  for (const bool told : {true, false}) {
+    const Folder folder;
+    RecordWriter writer(folder.path(), {}, small_limits());
+    writer.add_camera(camera_of("top"));
+    add_stream(writer, kStream);
+    std::atomic<int> calls{0};
+    std::thread::id caller;
+    writer.on_fault([&] {
+      caller = std::this_thread::get_id();
+      ++calls;
+    });
+    if (!told) writer.on_fault({});
+    give(writer, 0, 4);
+    writer.post([](RecordFile&) { throw std::runtime_error("the disk burns"); }, true);
+    ASSERT_TRUE(within(1s, [&] { return writer.fault() == "the disk burns"; }));
+    EXPECT_EQ(error_of([&] { give(writer, 4, 1); }), "the disk burns");
+    EXPECT_EQ(error_of([&] { writer.frame(0, gray(1)); }), "the disk burns");
+    EXPECT_EQ(writer.frames().size(), 0U);
+    const auto event = [](RecordFile& file) { file.event(0, {Time(1), "note", "refused"}); };
+    EXPECT_EQ(error_of([&] { writer.post(event, true); }), "");  // left to finish()
+    EXPECT_EQ(error_of([&] { writer.offer(event); }), "");
+    writer.stop();
+    EXPECT_EQ(calls, told ? 1 : 0);
+    EXPECT_NE(caller, std::this_thread::get_id());
+    RunData data = data_of(6);
+    data.events = {{Time(1), "note", "of the data"}};
+    writer.finish({Outcome::aborted, "the disk burns", 1, 2}, data);
+    EXPECT_EQ(folder.rows("select seq, t_ns, v from sample_s"), (Rows{{"1", "0", "2.5"},
+                                                                      {"2", "1", "2.5"},
+                                                                      {"3", "2", "2.5"},
+                                                                      {"4", "3", "2.5"},
+                                                                      {"5", "4", "2.5"},
+                                                                      {"6", "5", "2.5"}}));
+    EXPECT_EQ(folder.rows("select text from event"), (Rows{{"of the data"}}));
+    EXPECT_EQ(folder.rows("select exit_status, reason from stop"),
+              (Rows{{"aborted", "the disk burns"}}));
+  }
+}
+
+}  // namespace
+}  // namespace vitreo
