@@ -19,11 +19,11 @@ namespace vitreo {
 namespace {
 
 /// Whether the file is part of the record: not the manifest itself, not the files of a run that is
-/// being written, not exports.
-bool belongs(const std::filesystem::path& below) {
-  const std::string name = below.generic_string();
+/// being written, not exports. The index of SQLite's write-ahead log holds marks of its readers,
+/// and nothing that the log itself does not say.
+bool belongs(const std::string& name) {
   return name != kManifest && name != "recording.lock" && name != "reserve.room" &&
-         !name.starts_with("export/");
+         name != "run.sqlite-shm" && !name.starts_with("export/");
 }
 
 // Paths with '/' below the run's folder, sorted: the manifest of the same files is the same text
@@ -31,8 +31,8 @@ bool belongs(const std::filesystem::path& below) {
 std::vector<std::string> files_of(const std::filesystem::path& folder) {
   std::vector<std::string> names;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
-    const auto below = entry.path().lexically_relative(folder);
-    if (!entry.is_directory() && belongs(below)) names.push_back(below.generic_string());
+    std::string below = entry.path().lexically_relative(folder).generic_string();
+    if (!entry.is_directory() && belongs(below)) names.push_back(std::move(below));
   }
   std::sort(names.begin(), names.end());
   return names;
@@ -48,7 +48,7 @@ std::map<std::string, std::string> read_manifest(const std::filesystem::path& fo
     if (line.size() < 67 || line.substr(64, 2) != "  ")
       throw std::runtime_error((folder / kManifest).string() +
                                ": has a line that is no hash and name");
-    hashes[line.substr(66)] = line.substr(0, 64);
+    if (belongs(line.substr(66))) hashes[line.substr(66)] = line.substr(0, 64);
   }
   return hashes;
 }

@@ -409,7 +409,8 @@ void RecordFile::close() {
   inserts_.clear();
   link_insert_.reset();
   try {
-    database_.execute("PRAGMA busy_timeout=250");
+    // A reader on a busy machine is at its rows for a while; one that stays is not waited for.
+    database_.execute("PRAGMA busy_timeout=2000");
     database_.execute("PRAGMA wal_checkpoint(TRUNCATE)");
     database_.execute("PRAGMA journal_mode=DELETE");
   } catch (const std::exception&) {

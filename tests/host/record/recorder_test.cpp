@@ -2,6 +2,7 @@
 #include "host/record/recorder.h"
 
 #include "host/files/digest.h"
+#include "host/files/manifest.h"
 #include "host/files/run_folder.h"
 #include "host/files/sqlite.h"
 #include "host/runs/run_reader.h"
@@ -13,6 +14,7 @@
 #include <cctype>
 #include <csignal>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -256,10 +258,16 @@ TEST(Recorder, AReaderThatHoldsTheFileOpenDoesNotStopTheEnd) {
   test::ReportedRecorder recorder(parent.path(), servo_start());
   recorder.event(Time{1}, "note", "one");
   Database reader((recorder.folder() / "run.sqlite").string(), Database::Mode::read_only);
-  Statement open = reader.prepare("SELECT * FROM run");
-  ASSERT_TRUE(open.step());
+  std::optional<Statement> open = reader.prepare("SELECT * FROM run");
+  ASSERT_TRUE(open->step());
   EXPECT_NO_THROW(recorder.finish({Outcome::completed, "", 1, 1}));
   EXPECT_EQ(text_of(recorder.folder(), "SELECT exit_status FROM stop"), "completed");
+  // Nor does what it leaves behind, or a further reader, look like a change of the record.
+  EXPECT_EQ(check_manifest(recorder.folder()), std::vector<std::string>{});
+  open.reset();
+  reader.close();
+  EXPECT_EQ(text_of(recorder.folder(), "SELECT exit_status FROM stop"), "completed");
+  EXPECT_EQ(check_manifest(recorder.folder()), std::vector<std::string>{});
 }
 
 /// In a process of its own: the limit on file sizes plays the full disk, and is lifted when space
