@@ -33,7 +33,8 @@ constexpr std::array kMisbehaviors{
     Misbehavior{"recurses", "pcall(function() local function f() return 1 + f() end f() end) go()"},
     Misbehavior{"raises alarms in a loop",
                 "run:together(go, function() for i = 1, 300 do "
-                "run:alarm { name = 'unruly', text = 'turn ' .. i } run:wait(0.01) end end)"},
+                "run:alarm { name = 'unruly', priority = 'low', text = 'turn ' .. i } "
+                "run:wait(0.01) end end)"},
     Misbehavior{
         "asks beyond the limits beside the loop",
         "run:together(go, function() run:wait(0.6) pcall(rig.coils.set_currents, rig.coils, "
