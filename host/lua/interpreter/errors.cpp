@@ -165,7 +165,6 @@ std::string thrown_text(lua_State* L, int index) {
 
 std::exception_ptr exception_of(lua_State* L, int status) {
   Context& context = context_of(L);
-  if (is_stop(L, -1)) return std::make_exception_ptr(Stopped());
   // A coroutine's memory error comes out of its body as a plain one.
   const bool no_memory =
       status == LUA_ERRMEM || (context.short_of_memory && lua_type(L, -1) == LUA_TSTRING &&
@@ -219,6 +218,10 @@ class BoundedReading {
 }  // namespace
 
 std::exception_ptr to_exception(lua_State* L, int status) {
+  if (is_stop(L, -1)) {  // nothing of a script's is run for it, which a second one could end
+    lua_pop(L, 1);
+    return std::make_exception_ptr(Stopped());
+  }
   const BoundedReading bounded(L);
   Conversion conversion{status, nullptr};
   lua_checkstack(L, 4);

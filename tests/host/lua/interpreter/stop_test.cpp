@@ -180,8 +180,9 @@ TEST_F(Stopping, FunctionsOfTheLibraryThatTakeLongFeelIt) {
            "local s = ('x'):rep(16000000) while true do utf8.len(s) s:upper():reverse() end",
        }) {
     press_in(30, true, true);
-    EXPECT_TRUE(run(body).stopped) << body;
+    const Ended end = run(body);
     press_in(0);
+    EXPECT_TRUE(end.stopped) << body << "\n" << end.error << end.trace;
   }
 }
 
