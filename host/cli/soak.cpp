@@ -21,6 +21,7 @@ namespace {
 constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
 
 struct SoakWords : ProtocolOptions {
+  std::uint64_t first = 1;
   std::uint64_t seeds = 100;
   std::uint64_t seed = kNone;  // only this one
   std::uint64_t run_seed = 1;
@@ -35,7 +36,7 @@ int soak_protocol(Program& program, SoakWords& wanted) {
   SoakRequest request;
   wanted.request.how.seed = wanted.run_seed;
   request.run = wanted.complete(program);
-  request.first = wanted.seed == kNone ? 1 : wanted.seed;
+  request.first = wanted.seed == kNone ? wanted.first : wanted.seed;
   request.count = wanted.seed == kNone ? wanted.seeds : 1;
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   request.jobs = wanted.jobs > 0 ? wanted.jobs : cores;
@@ -68,6 +69,8 @@ void add_soak(CommandLine& line, Program& program) {
   command.option("arguments", wanted->request.what.arguments,
                  "name=value, with units: speed=0.5mm/s");
   command.option("--seeds", wanted->seeds, "how many (default: 100)").between(1, 1000000);
+  command.option("--first", wanted->first,
+                 "the first of them (default: 1): a campaign goes on there");
   command.option("--seed", wanted->seed, "only this one: it happens again as it did");
   command.option("--jobs", wanted->jobs, "processes at a time (default: one a core)")
       .between(1, 1000);

@@ -6,8 +6,10 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <cstdlib>
 #include <regex>
 #include <sys/stat.h>
+#include <thread>
 
 namespace vitreo {
 namespace {
@@ -22,8 +24,21 @@ bool browser_there() {
          std::filesystem::exists(VITREO_PAGE_TEST "/node_modules");
 }
 
-/// Runs `vitreo WORDS` beside the browser, which does `task`; what the browser saw. The program's
-/// exit code is in "code".
+/// Whether more wants to compute here than there are cores.
+bool machine_is_busy() {
+  double load = 0;
+  return getloadavg(&load, 1) == 1 && load > std::thread::hardware_concurrency();
+}
+
+/// A loop that is held up for 250 ms trips its dead-man, rightly; on a busy machine that says
+/// nothing of the page.
+bool held_up(const Workplace& place) {
+  const std::string said = place.read("out") + place.read("err");
+  return said.find("dead-man: the host has not moved") != std::string::npos && machine_is_busy();
+}
+
+/// Runs `vitreo WORDS` beside the browser, which does `task`, a second and a third time where the
+/// machine held it up; what the browser saw. The program's exit code is in "code".
 nlohmann::json watched(const Workplace& place, const std::string& words, const std::string& task) {
   // When the browser is done the program may still write its report.
   place.write("work.sh",
@@ -44,7 +59,9 @@ nlohmann::json watched(const Workplace& place, const std::string& words, const s
                   "kill -INT $program 2>/dev/null\n"
                   "wait $program\n"
                   "echo $? >code\n");
-  EXPECT_EQ(std::system(("cd '" + place.folder().string() + "' && sh work.sh").c_str()), 0);
+  const std::string work = "cd '" + place.folder().string() + "' && rm -rf runs && sh work.sh";
+  EXPECT_EQ(std::system(work.c_str()), 0);
+  for (int again = 0; again < 2 && held_up(place); ++again) EXPECT_EQ(std::system(work.c_str()), 0);
   if (const char* keep = std::getenv("VITREO_KEEP_PICTURES"))
     std::system(("cp '" + place.folder().string() + "'/*.png '" + keep + "'").c_str());
   const auto seen = nlohmann::json::parse(place.read("seen"), nullptr, false);

@@ -42,6 +42,15 @@ TEST(Soak, ASeedHappensAgainAsItDid) {
   }
 }
 
+TEST(Soak, ACampaignGoesOnWhereTheLastOneEnded) {
+  const Workplace place;
+  const Spoken said = place.vitreo(kHold + std::string("--first 7 --seeds 2"));
+  EXPECT_EQ(said.exit_code, 0) << said.out << said.err;
+  EXPECT_EQ(said.out.rfind("seed 7: ", 0), 0U) << said.out;
+  EXPECT_NE(said.out.find("\nseed 8: "), std::string::npos) << said.out;
+  EXPECT_NE(said.out.find("\n2 seeds, 0 violations"), std::string::npos) << said.out;
+}
+
 TEST(Soak, ARigWithRealInstrumentsIsRefused) {
   const Workplace place;
   const Spoken said = place.vitreo("soak hold --seeds 1 --rig '" VITREO_SOURCE_DIR

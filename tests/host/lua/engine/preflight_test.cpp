@@ -39,7 +39,7 @@ struct PreflightTest : testing::Test {
     request.where.rig_file = request.where.rig_file.empty() ? kSimulated : request.where.rig_file;
     request.where.out = (folder.path() / "runs").string();
   }
-  PreflightReport check(const std::string& body, double wall = 10) {
+  PreflightReport check(const std::string& body, double wall = 120) {
     script(body);
     return preflight(*engine, request, {wall, {}});
   }
