@@ -55,6 +55,8 @@ class FaultInjector {
 
   /// Throws as check() does.
   void add(const Fault& fault);
+  /// Whose truth a witness beside the run reads; null on a rig with real instruments.
+  sim::Laboratory* laboratory() const { return context_.laboratory; }
 
  private:
   void run(const Fault& fault, const FaultKind& kind);

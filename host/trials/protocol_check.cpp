@@ -38,11 +38,10 @@ Ended run_and_look(ScriptEngine& engine, const RunRequest& request) {
   Ended ended;
   ended.result = run_protocol(engine, request, listener, [&ended](const Recorder&, OpenRig& open) {
     const Rig& rig = open.rig();
-    constexpr double kZero = 5e-3;  // V: a count of the USB-3103 is 0.3 mV
     // As the outputs really are, where that can be known: an amplifier that does not answer may
     // have obeyed.
     const bool flows = open.laboratory() != nullptr
-                           ? outputs_of(open) > kZero
+                           ? outputs_of(*open.laboratory()) > kZeroOutput
                            : rig.coils != nullptr && rig.coils->energized();
     if (flows) ended.unsafe = "the coils are energized after the end";
   });

@@ -15,7 +15,6 @@ namespace vitreo {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kZero = 5e-3;  // V: a count of the USB-3103 is 0.3 mV
 
 /// The violations of one run, as texts.
 /// Checks go on after the first failure: a seed is rare and expensive, so everything about it is
@@ -121,9 +120,9 @@ void check_record(const Recorder& recorder, Findings& findings) {
 
 // Volts at the terminals of the simulated amplifier's analog outputs: the truth of the simulator,
 // which no fault of a link can falsify.
-double outputs_of(OpenRig& rig) {
+double outputs_of(sim::Laboratory& laboratory) {
   double most = 0;
-  for (const double volts : rig.laboratory()->coil_outputs().outputs())
+  for (const double volts : laboratory.coil_outputs().outputs())
     most = std::max(most, std::abs(volts));
   return most;
 }
@@ -144,13 +143,13 @@ std::vector<std::string> check_ended(const SoakPlan& plan, const SoakWitness& wi
   const auto& events = recorder.events();
   const bool unsafe = std::any_of(events.begin(), events.end(),
                                   [](const Event& one) { return one.kind == "unsafe"; });
-  const double volts = outputs_of(rig);
-  if (coils_unreachable(plan) && volts > kZero)  // what cannot be done must be said
+  const double volts = outputs_of(*rig.laboratory());
+  if (coils_unreachable(plan) && volts > kZeroOutput)  // what cannot be done must be said
     findings.unless(unsafe,
                     "the outputs hold {:g} V behind a pulled cable, and the record does not say so",
                     volts);
   else
-    findings.unless(volts <= kZero, "the outputs hold {:g} V at the end", volts);
+    findings.unless(volts <= kZeroOutput, "the outputs hold {:g} V at the end", volts);
   findings.unless(!unsafe || has_fault_of(plan, "coils") || has_fault_of(plan, "lens_mover") ||
                       has_fault_of(plan, "stage") || has_fault_of(plan, "rotation_stage"),
                   "a device could not be made safe though nothing was wrong with it");

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/sim/laboratory.h"
 #include "host/engine/run_engine.h"
 #include "host/trials/soak_plan.h"
 
@@ -35,7 +36,8 @@ std::vector<std::string> check_result(const SoakPlan& plan, const SoakWitness& w
 std::vector<std::string> check_killed(const std::filesystem::path& parent, std::uint64_t samples);
 
 /// Largest magnitude of the amplifier's outputs, V, as they really are.
-double outputs_of(OpenRig& rig);
+double outputs_of(sim::Laboratory& laboratory);
+constexpr double kZeroOutput = 5e-3;  // V: a count of the USB-3103 is 0.3 mV
 /// Whether the plan may keep the host from zeroing: a wire to the coils that does not carry.
 bool coils_unreachable(const SoakPlan& plan);
 
