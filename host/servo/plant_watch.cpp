@@ -169,7 +169,7 @@ void PlantWatch::measured(double time, const Eigen::Vector3d& position,
 }
 
 // At all windows that end now.
-void PlantWatch::look_back(const Eigen::Vector3d& slow) {
+void PlantWatch::look_back(const Drift& slow) {
   const double time = samples_.back().time;
   Verdict most;
   bool stands = false;
@@ -188,7 +188,7 @@ void PlantWatch::look_back(const Eigen::Vector3d& slow) {
 }
 
 // The mean velocity that the model left over.
-std::optional<Eigen::Vector3d> PlantWatch::drift() const {
+std::optional<PlantWatch::Drift> PlantWatch::drift() const {
   const double until = samples_.back().time - kPlantDriftAge;
   const Sample* last = nullptr;
   const Sample* first = nullptr;
@@ -199,15 +199,21 @@ std::optional<Eigen::Vector3d> PlantWatch::drift() const {
   }
   if (first == nullptr || last->time - first->time < kPlantLeastDriftSpan) return std::nullopt;
   const Eigen::Vector3d moved = last->moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold);
-  return (last->position - first->position - moved) / (last->time - first->time);
+  const double span = last->time - first->time;
+  return Drift{(last->position - first->position - moved) / span, moved.norm() / span};
 }
 
+/// What gain and drag are off by is in the drift as a part of the motion that was told then: of a
+/// robot that comes to rest it is not there any more, and is as much the other way. So it is let
+/// pass by the larger of both motions, and what is expected is less by it.
 PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now,
-                                      const Eigen::Vector3d& drift) const {
+                                      const Drift& drift) const {
   const double span = now.time - then.time;
   const Motions moved = now.moved - then.moved;
   const Eigen::Vector3d went = now.position - then.position;
-  const Eigen::Vector3d expected = moved.col(kPlantAsTold) + span * drift;
+  const Eigen::Vector3d expected = moved.col(kPlantAsTold) + span * drift.left;
+  const double told_now = moved.col(kPlantAsTold).norm();
+  const double told_then = span * drift.told;
   const Eigen::Vector3d left = went - expected;
   const double sigma = std::sqrt(then.variance + now.variance);
   const double turned =
@@ -217,10 +223,10 @@ PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now,
                              std::max(left.norm(), 1e-12);
   const double allowed = kPlantSigmas * sigma + kPlantOffset + kPlantDriftChange * span +
                          kPlantAttitudes * by_attitude +
-                         kPlantGainError * moved.col(kPlantAsTold).norm();
+                         kPlantGainError * std::max(told_now, told_then);
   Verdict verdict;
   verdict.excess = left.norm() / allowed;
-  const double told = expected.norm();
+  const double told = expected.norm() - kPlantGainError * std::max(0.0, told_then - told_now);
   verdict.standing =
       told > kPlantTold && went.norm() < kPlantGone * told && kPlantSigmas * sigma < kPlantTold;
   // Standing is what a wall does, or a hand: no coil.

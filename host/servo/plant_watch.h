@@ -70,9 +70,14 @@ class PlantWatch {
   void note_field(Sample& sample) const;  // of the currents that flow
   Motions velocities(const Eigen::Vector3d& position) const;
   Eigen::Vector3d force(const control::FieldGradient& made) const;
-  std::optional<Eigen::Vector3d> drift() const;
-  void look_back(const Eigen::Vector3d& slow);
-  Verdict judge(const Sample& then, const Sample& now, const Eigen::Vector3d& drift) const;
+  /// Of the seconds before: m/s.
+  struct Drift {
+    Eigen::Vector3d left;  // of the robot, over what was told
+    double told = 0;       // the speed that was told meanwhile
+  };
+  std::optional<Drift> drift() const;
+  void look_back(const Drift& slow);
+  Verdict judge(const Sample& then, const Sample& now, const Drift& drift) const;
   std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
 
   const RigModel& model_;

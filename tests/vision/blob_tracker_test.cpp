@@ -118,10 +118,10 @@ TEST(BlobTracker, finds_all_of_a_rim_with_corners_in_every_frame) {
       stated = std::sqrt(found->covariance(2, 2));
     }
     const auto [least, most] = std::minmax_element(lengths.begin(), lengths.end());
-    EXPECT_LT(*most - *least, 0.25) << half;
+    EXPECT_LT(*most - *least, 0.35) << half;
     EXPECT_LT(*most - *least, 8 * stated) << half;
     const auto [narrow, wide] = std::minmax_element(widths.begin(), widths.end());
-    EXPECT_LT(*wide - *narrow, 0.25) << half;
+    EXPECT_LT(*wide - *narrow, 0.35) << half;
   }
 }
 
