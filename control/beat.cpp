@@ -8,10 +8,10 @@ namespace vitreo::control {
 namespace {
 
 // m: of an innovation, beside its covariance: what a second harmonic and an axis that turns leave.
-constexpr double kLeft = 20e-6;
+constexpr double kLeft = 60e-6;
 // m/rad from one measurement to the next: a swimmer's amplitude changes by a tenth as it turns
 // round on its path, within some tens of frames.
-constexpr double kWalk = 2e-6;
+constexpr double kWalk = 0.5e-6;
 
 Eigen::Vector2d regressors(const Beat::Moment& moment) {
   return moment.swing * Eigen::Vector2d(std::sin(moment.phase), std::cos(moment.phase));

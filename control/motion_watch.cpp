@@ -24,7 +24,7 @@ constexpr double kAboveNoise = 3;
 // stir a loop as much as a long one. docs/control_margins.md.
 constexpr double kPerVelocity = 0.1;
 constexpr double kPerTurning = 0.2e-3;
-constexpr double kAfterTurn = 3;  // s
+constexpr double kAfterTurn = 5;  // s
 constexpr double kTurnSpan = 1;   // s: over which a turn's rate is the mean, so that a leap is one
 
 /// Least squares: without mean and trend.

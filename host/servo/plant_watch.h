@@ -37,6 +37,9 @@ class PlantWatch {
   bool standing() const { return standing_; }
   /// m/s: what is left over, of the window that says most, over what is let pass. For figures.
   double excess() const { return excess_; }
+  /// The robot was found at `time` (s), for the first time or again: it turns into the field, and
+  /// its first outlines are of another attitude.
+  void found(double time);
   /// The robot is not seen, beside a wall, or let go: what it did until now says nothing.
   void forget();
 
@@ -70,14 +73,9 @@ class PlantWatch {
   void note_field(Sample& sample) const;  // of the currents that flow
   Motions velocities(const Eigen::Vector3d& position) const;
   Eigen::Vector3d force(const control::FieldGradient& made) const;
-  /// Of the seconds before: m/s.
-  struct Drift {
-    Eigen::Vector3d left;  // of the robot, over what was told
-    double told = 0;       // the speed that was told meanwhile
-  };
-  std::optional<Drift> drift() const;
-  void look_back(const Drift& slow);
-  Verdict judge(const Sample& then, const Sample& now, const Drift& drift) const;
+  std::optional<Eigen::Vector3d> drift() const;
+  void look_back(const Eigen::Vector3d& slow);
+  Verdict judge(const Sample& then, const Sample& now, const Eigen::Vector3d& drift) const;
   std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
 
   const RigModel& model_;
@@ -86,6 +84,7 @@ class PlantWatch {
   Flow flow_;
   Eigen::Matrix3d mobility_ = Eigen::Matrix3d::Zero();
   std::deque<Sample> samples_;  // the newest at the end
+  double heard_from_ = -1e9;    // s
   int doubtful_ = 0;            // measurements in a row
   int stood_ = 0;
   std::string fault_;

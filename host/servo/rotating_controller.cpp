@@ -163,6 +163,8 @@ bool RotatingController::take(double now, const control::PositionMeasurement& me
   if (!estimator_->measure(sound)) return false;
   if (const auto& innovation = estimator_->innovation(); beating && innovation)
     beat_.learn(*beating, innovation->value, innovation->covariance);
+  // The watch knows the beat as a part of its noise.
+  sound.position = measured.position;
   watch(sound, step);
   last_ = sound;
   position_ = sound.position;

@@ -162,7 +162,7 @@ void Servo::Loop::note_taken(const Observation& observation, const ControlStep& 
   if (observation.position && !step.passed_over) {
     taken_at = clock.now();
     not_taken.clear();
-    seen = true;
+    if (!std::exchange(seen, true)) plant.found(to_seconds(taken_at));
   }
   if (seen && !let_go && to_seconds(clock.now() - taken_at) > settings.lost_timeout)
     let_the_robot_go(not_taken.empty()

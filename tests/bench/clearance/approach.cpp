@@ -27,8 +27,12 @@ constexpr double kObeys = 1.0;
 RigDescription rig_of(const ApproachSetting& setting) {
   RigDescription description = whole_rig();
   ConfigTable truth{{"machine", {"sampled"}}};
-  // Crossed plates on end are a cross that the tracker does not take for the robot.
-  if (setting.upright) truth["drawn_as"] = ConfigValue{std::string("ellipsoid")};
+  // Crossed plates on end are a cross that the tracker does not take for the robot. What is drawn
+  // as an ellipsoid is believed to be one, as by the rig "ellipsoid".
+  if (setting.upright) {
+    truth["drawn_as"] = ConfigValue{std::string("ellipsoid")};
+    description.table["model"] = ConfigValue{ConfigTable{{"shape", {"ellipsoid"}}}};
+  }
   description.table["truth"] = ConfigValue{truth};
   ConfigTable keep_out{{"margin", {setting.margin}}};
   if (setting.perturbed_eye) keep_out["eye"] = ConfigValue{std::string("table_5_1")};
