@@ -233,37 +233,18 @@ void Localizer::from_above(Observation& observation) const {
   observation.covariance(2, 2) = kEye * kEye;
 }
 
-/// The viewing chain knows spheroids, whose length changes with the square of a tilt across the
-/// line of sight. That of a cylinder is L cos + 2 r |sin|: 7 mm of depth per radian, whichever end
-/// comes forward. It changes by little over the steps below, and costs some ten ellipses.
-std::optional<Eigen::Matrix3d> Localizer::doubt_by_own_axis(
-    const Eigen::Vector3d& position_in_eye) {
-  constexpr double kNear = 0.2e-3;  // m
-  constexpr double kAlike = 0.02;   // rad
-  if (!flat_ended_) return std::nullopt;
-  const bool known = axis_doubt_ && (axis_doubt_->axis - axis_).norm() < kAlike &&
-                     (axis_doubt_->position_in_eye - position_in_eye).norm() < kNear;
-  if (!known)
-    axis_doubt_ =
-        AxisDoubt{position_in_eye, axis_,
-                  optics::doubt_by_axis(*flat_ended_, position_in_eye, axis_, kTakenAxis)};
-  return axis_doubt_->moment;
-}
-
 /// What stays wrong: eye, scale, tilt, robot size, outline and axis by the viewing chain, and where
 /// the eye stands. Where the chain shows nothing the position is anywhere in the eye.
 SystematicDoubt Localizer::systematic_of(const Found& found,
-                                         const vision::EllipseMeasurement& seen) {
+                                         const vision::EllipseMeasurement& seen) const {
   const double place = model_.uncertainty.eye;
   const Eigen::Matrix3d of_place = place * place * Eigen::Matrix3d::Identity();
   const Eigen::Vector3d axis = found.attitude ? Eigen::Vector3d(found.attitude->col(2)) : axis_;
-  const auto own = found.attitude ? std::nullopt : doubt_by_own_axis(found.position_in_eye);
-  const double axis_sigma = found.attitude ? tilted_->orientation_sigma : own ? 0 : kTakenAxis;
   const auto of_view =
-      doubt_->systematic(found.position_in_eye, axis, seen, found.attitude.has_value(), axis_sigma);
+      doubt_->systematic(found.position_in_eye, axis, seen, found.attitude.has_value(),
+                         tilted_ ? tilted_->orientation_sigma : 0);
   if (!of_view) return {kEye * kEye * Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero()};
-  const Eigen::Matrix3d of_axis = own.value_or(Eigen::Matrix3d::Zero());
-  if (!found.stays) return {of_place + of_view->whole + of_axis, of_view->by_attitude + of_axis};
+  if (!found.stays) return {of_place + of_view->whole, of_view->by_attitude};
   // Attitude and outline as the outline's own fit has them; eye and calibration as of the ellipse.
   return {of_place + of_view->whole - of_view->by_attitude + *found.stays, *found.stays};
 }

@@ -85,8 +85,7 @@ class Localizer {
   void from_above(Observation& observation) const;
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
   vision::EllipseMeasurement as_of_spheroid(const vision::EllipseMeasurement& seen) const;
-  SystematicDoubt systematic_of(const Found& found, const vision::EllipseMeasurement& seen);
-  std::optional<Eigen::Matrix3d> doubt_by_own_axis(const Eigen::Vector3d& position_in_eye);
+  SystematicDoubt systematic_of(const Found& found, const vision::EllipseMeasurement& seen) const;
   Eigen::Matrix3d expected_attitude() const;
   bool lies_level() const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
@@ -105,13 +104,6 @@ class Localizer {
   std::optional<OutlineLocalizer> outline_;               // and the body shows no ellipse
   std::optional<Eigen::Vector3d> last_in_eye_;
   std::optional<Eigen::Matrix3d> last_attitude_;
-  /// Of flat ends: what a taken axis that is off makes of the position, about where it was found.
-  struct AxisDoubt {
-    Eigen::Vector3d position_in_eye;
-    Eigen::Vector3d axis;
-    std::optional<Eigen::Matrix3d> moment;  // m^2
-  };
-  std::optional<AxisDoubt> axis_doubt_;
 };
 
 /// Two orthogonal cameras: the position that fits both best, each weighted by its covariance

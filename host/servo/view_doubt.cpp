@@ -84,7 +84,7 @@ std::optional<SystematicDoubt> ViewDoubt::systematic(const Eigen::Vector3d& posi
                                                      const vision::EllipseMeasurement& seen,
                                                      bool estimated_axis, double axis_sigma) const {
   const optics::OutlineSeen outline{seen.ellipse.vector(), seen.covariance, kChangingOutline_px,
-                                    axis_sigma};
+                                    estimated_axis ? axis_sigma : kTakenAxis};
   const auto doubt = optics::position_doubt(
       belief_, {position_in_eye, axis, seen.ellipse.center_px}, outline,
       estimated_axis ? optics::PositionFit::weighted : optics::PositionFit::thesis);

@@ -39,8 +39,8 @@ class ViewDoubt {
   ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, ViewCalibration calibrated);
 
   /// At a position that was found from `seen`. `estimated_axis`: the axis was estimated with a
-  /// prior of `axis_sigma` (rad); else it was taken for known (thesis 5.5), and is off by
-  /// `axis_sigma` in each direction. Nothing where the chain does not show the robot.
+  /// prior of `axis_sigma` (rad), else taken for known (thesis 5.5), though a field turns a robot
+  /// no better than that. Nothing where the chain does not show the robot.
   std::optional<SystematicDoubt> systematic(const Eigen::Vector3d& position_in_eye,
                                             const Eigen::Vector3d& axis,
                                             const vision::EllipseMeasurement& seen,

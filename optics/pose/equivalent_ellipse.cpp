@@ -1,27 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/pose/equivalent_ellipse.h"
 
-#include "optics/numerics/preconditions.h"
 #include "optics/pose/convex_silhouette.h"
 #include "optics/pose/pose.h"
 #include "optics/projection/projection_model.h"
 
-#include <Eigen/Geometry>
-
 namespace vitreo::optics {
-namespace {
-
-/// The thesis' localization that stands for one of the body.
-PoseSettings spheroid_of(const ObjectPoseSettings& body) {
-  PoseSettings round;
-  round.projection = body.projection;
-  round.exact = body.exact;
-  round.image = body.image;
-  round.robot = {body.object.semi_axes.z(), body.object.semi_axes.x()};
-  return round;
-}
-
-}  // namespace
 
 /// In smooth coordinates, where round ellipses and ones that turn from long to wide make no steps;
 /// by the ratio of the mean semi-axes for the size.
@@ -48,7 +32,11 @@ std::optional<EllipseVector> as_of_spheroid(const ObjectPoseSettings& body,
 std::optional<EllipseVector> as_of_spheroid(const ObjectPoseSettings& body,
                                             const EllipseVector& seen,
                                             const Eigen::Vector3d& axis_in_eye) {
-  const PoseSettings round = spheroid_of(body);
+  PoseSettings round;
+  round.projection = body.projection;
+  round.exact = body.exact;
+  round.image = body.image;
+  round.robot = {body.object.semi_axes.z(), body.object.semi_axes.x()};
   const detail::ProjectionModel camera(body.projection, body.exact, body.image);
   const auto sight = camera.line_of_sight(seen.head<2>());
   if (!sight) return std::nullopt;
@@ -59,30 +47,6 @@ std::optional<EllipseVector> as_of_spheroid(const ObjectPoseSettings& body,
   if (!made) return std::nullopt;
   const auto place = first_guess(round, *made, axis_in_eye);
   return place ? as_of_spheroid(body, seen, axis_in_eye, *place) : made;
-}
-
-/// The covariance of the ellipse does not weigh (5.15), so any does.
-std::optional<Eigen::Matrix3d> doubt_by_axis(const ObjectPoseSettings& body,
-                                             const Eigen::Vector3d& place_in_eye,
-                                             const Eigen::Vector3d& axis_in_eye, double sigma) {
-  detail::require_positive(sigma, "sigma");
-  const PoseSettings round = spheroid_of(body);
-  const Eigen::Matrix3d level = orientation_along(axis_in_eye);
-  Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
-  for (const Eigen::Vector3d about : {level.col(0), level.col(1)})
-    for (const double angle : {-sigma, sigma}) {
-      const Eigen::Matrix3d turned = Eigen::AngleAxisd(angle, about).toRotationMatrix() * level;
-      const auto seen = project_object(body, {place_in_eye, turned});
-      if (!seen) return std::nullopt;
-      const auto made = as_of_spheroid(body, *seen, axis_in_eye, place_in_eye);
-      if (!made) return std::nullopt;
-      const auto found =
-          locate(round, *made, EllipseCovariance::Identity(), axis_in_eye, place_in_eye);
-      if (!found) return std::nullopt;
-      const Eigen::Vector3d off = found->position_in_eye - place_in_eye;
-      moment += off * off.transpose() / 2;  // of both senses the mean
-    }
-  return moment;
 }
 
 }  // namespace vitreo::optics

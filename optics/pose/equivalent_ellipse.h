@@ -27,14 +27,4 @@ std::optional<EllipseVector> as_of_spheroid(const ObjectPoseSettings& body,
                                             const EllipseVector& seen,
                                             const Eigen::Vector3d& axis_in_eye);
 
-/// m^2: second moment of what the thesis' localization (5.15) of the converted ellipse is off by at
-/// `place_in_eye` (m) where the axis is not `axis_in_eye` (any length), for which it is taken, but
-/// off by `sigma` (rad) in each of both directions across it. By the body's own outline on both
-/// sides, and not by a derivative: a cylinder across the line of sight shows the length L cos + 2 r
-/// |sin| of its tilt, which is a kink. Nothing where the body is not shown or not found. Throws
-/// std::invalid_argument naming a bad argument.
-std::optional<Eigen::Matrix3d> doubt_by_axis(const ObjectPoseSettings& body,
-                                             const Eigen::Vector3d& place_in_eye,
-                                             const Eigen::Vector3d& axis_in_eye, double sigma);
-
 }  // namespace vitreo::optics

@@ -255,29 +255,6 @@ TEST(Askew, ATakenAxisIsTheThesisWay) {
   EXPECT_FALSE(seen.by_outline);
 }
 
-// A loop that takes the axis for the commanded one sees its depth leap as the field turns by two
-// degrees, whichever way. How much by is stated with it, or it would be taken for a motion.
-TEST(Askew, ADepthThatComesOfATiltIsInACylindersDoubtByAttitude) {
-  SeenAskew cylinder(control::ndfeb_cylinder_1mm());
-  Localizer localizer = cylinder.localizer();
-  for (const double x : {0.0, 1e-3}) {
-    const Eigen::Vector3d at(x, 0, -1e-3);
-    const Observation level = localizer.look(cylinder.picture(at, lying()));
-    ASSERT_TRUE(level.position);
-    const double stated = std::sqrt(level.by_attitude(2, 2));
-    double most = 0;
-    for (const double tilt : {-2 * kDeg, 2 * kDeg}) {
-      const Observation seen =
-          localizer.look(cylinder.picture(at, turned(tilt * Eigen::Vector3d::UnitY()) * lying()));
-      ASSERT_TRUE(seen.position);
-      most = std::max(most, std::abs(seen.position->z() - level.position->z()));
-    }
-    EXPECT_GT(most, 0.1e-3) << "of depth";
-    EXPECT_GT(stated, 0.6 * most);
-    EXPECT_LT(stated, 1.7 * most);
-  }
-}
-
 // Taken for the spheroid of its size a cylinder would be an eighth larger: two millimeters nearer.
 TEST(Askew, ATakenAxisOfACylinderIsThatOfTheSpheroidWhichStandsForIt) {
   SeenAskew cylinder(control::ndfeb_cylinder_1mm());

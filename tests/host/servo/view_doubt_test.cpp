@@ -42,8 +42,7 @@ double depth_sigma(const RigModel& model, bool calibrated, double z) {
   const Eigen::Vector3d position(1e-3, 0, z);
   const ViewDoubt doubt(model, {1, 0, 0},
                         calibrated ? ViewCalibration::scale : ViewCalibration::none);
-  const auto stays =
-      doubt.systematic(position, {1, 0, 0}, seen_at(model, position), false, kTakenAxis);
+  const auto stays = doubt.systematic(position, {1, 0, 0}, seen_at(model, position), false, 0);
   EXPECT_TRUE(stays);
   return std::sqrt(stays->whole(2, 2));
 }

@@ -64,45 +64,5 @@ TEST(EquivalentEllipse, OfASpheroidItIsItsOwn) {
   EXPECT_LT((*same - *seen).norm(), 1e-9);
 }
 
-/// m: what (5.15) makes of the depth of a body at `at`, along x, that is turned by `tilt` about y
-/// and by `turn` about z.
-double depth_off(const Views& view, const Eigen::Vector3d& at, double tilt, double turn) {
-  const Eigen::Vector3d axis(std::cos(tilt) * std::cos(turn), std::cos(tilt) * std::sin(turn),
-                             std::sin(tilt));
-  const auto seen = project_object(view.body, {at, orientation_along(axis)});
-  EXPECT_TRUE(seen);
-  const auto converted = as_of_spheroid(view.body, *seen, {1, 0, 0});
-  EXPECT_TRUE(converted);
-  const auto found = locate(view.round, *converted, EllipseCovariance::Identity(), {1, 0, 0}, at);
-  EXPECT_TRUE(found);
-  return found ? found->position_in_eye.z() - at.z() : 0;
-}
-
-// The shadow of a cylinder across the line of sight is longer by 2 r |sin| whichever end comes
-// forward: a depth of first order in the tilt, where that of a spheroid is of second.
-TEST(EquivalentEllipse, ATiltAcrossTheSightIsADepthOfFirstOrderAndInTheDoubt) {
-  constexpr double kSigma = 0.035;
-  const Eigen::Vector3d at(0, 0, 4e-3);
-  const Views view = views(0.5e-3, 0.25e-3);
-  const double forward = depth_off(view, at, kSigma, 0);
-  const double back = depth_off(view, at, -kSigma, 0);
-  EXPECT_GT(forward, 0.1e-3);
-  EXPECT_NEAR(back, forward, 0.05 * forward);
-  EXPECT_LT(std::abs(depth_off(view, at, 0, kSigma)), 0.2 * forward);
-  const auto moment = doubt_by_axis(view.body, at, {1, 0, 0}, kSigma);
-  ASSERT_TRUE(moment);
-  EXPECT_NEAR(std::sqrt((*moment)(2, 2)), forward, 0.1 * forward);
-  const auto half = doubt_by_axis(view.body, at, {1, 0, 0}, kSigma / 2);
-  ASSERT_TRUE(half);
-  EXPECT_NEAR((*half)(2, 2), (*moment)(2, 2) / 4, 0.1 * (*moment)(2, 2)) << "a kink";
-  Views round = view;
-  round.body.object = ellipsoid({0.25e-3, 0.25e-3, 0.5e-3});
-  const auto of_round = doubt_by_axis(round.body, at, {1, 0, 0}, kSigma);
-  ASSERT_TRUE(of_round);
-  EXPECT_LT((*of_round)(2, 2), 0.1 * (*moment)(2, 2));
-  EXPECT_FALSE(doubt_by_axis(view.body, {0, 0, -5e-3}, {1, 0, 0}, kSigma));
-  EXPECT_THROW(doubt_by_axis(view.body, at, {1, 0, 0}, 0), std::invalid_argument);
-}
-
 }  // namespace
 }  // namespace vitreo::optics
