@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <random>
@@ -31,13 +32,14 @@ RigModel cylinder_model() {
 
 /// A plant of the model's own forces, but for its response, a flow, and what happens to it.
 struct Plant {
-  double gain = 1;                           // of its response to the coils' force
-  Eigen::Vector3d flow{0, 0, 0};             // m/s
-  double held_from = 1e9;                    // s
-  double reversed_from = 1e9;                // s, the first coil
-  Eigen::Vector3d target_velocity{0, 0, 0};  // m/s, from 4 s on
-  double turns_in = 0;                       // m: how much too high the first three frames show it
-  bool found = true;                         // the watch is told that it was found
+  double gain = 1;                             // of its response to the coils' force
+  Eigen::Vector3d flow{0, 0, 0};               // m/s
+  Eigen::Vector3d start{-1.5e-3, 1e-3, 1e-3};  // m, from the target
+  double held_from = 1e9;                      // s
+  double reversed_from = 1e9;                  // s, the first coil
+  Eigen::Vector3d target_velocity{0, 0, 0};    // m/s, from 4 s on
+  double turns_in = 0;  // m: how much too high the first three frames show it
+  bool found = true;    // the watch is told that it was found
 };
 
 struct Watched {
@@ -45,7 +47,7 @@ struct Watched {
   std::string fault;
 };
 
-/// The thesis' PD (1.5 /s) from 2 mm beside the target.
+/// The thesis' PD (1.5 /s).
 Watched watched(const RigModel& model, const Plant& plant, double end) {
   const FieldAllocator allocator(model, {});
   const Eigen::Matrix3d drag = control::resistance(model.robot, model.medium, {1, 0, 0});
@@ -53,7 +55,7 @@ Watched watched(const RigModel& model, const Plant& plant, double end) {
   if (plant.found) watch.found(0);
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;
-  Eigen::Vector3d place(-1.5e-3, 1e-3, 1e-3);
+  Eigen::Vector3d place = plant.start;
   Watched found;
   std::optional<control::Currents> acting;
   for (double now = 0; now < end; now += kPeriod) {
@@ -100,6 +102,7 @@ TEST(PlantWatch, ARobotThatComesToRestWithAnotherResponseIsNotAccused) {
 TEST(PlantWatch, WhatARobotThatWasJustFoundShowsAsItTurnsInIsNoMotion) {
   for (const bool told : {true, false}) {
     Plant plant;
+    plant.start = {0.1e-3, 0, 0};
     plant.turns_in = 1.5e-3;
     plant.found = told;
     const Watched seen = watched(cylinder_model(), plant, 6);
