@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <vector>
 
@@ -18,9 +19,13 @@ constexpr double kStandingWindow = 2;  // s
 constexpr double kAboveNoise = 3;
 // What a sound loop is off by when the target's velocity changes, m per m/s: a response that is not
 // found out yet, off by a quarter, over a gain of 2.5 /s. And when the axis turns, m per rad/s: the
-// field's error changes with it, some tens of micrometers at 0.3 rad/s. docs/control_margins.md.
+// field's error changes with it, some tens of micrometers at 0.3 rad/s, and the filter takes
+// kAfterTurn s to find the last of it. The fastest turn of the window counts whole: two short ones
+// stir a loop as much as a long one. docs/control_margins.md.
 constexpr double kPerVelocity = 0.1;
 constexpr double kPerTurning = 0.2e-3;
+constexpr double kAfterTurn = 5;  // s
+constexpr double kTurnSpan = 1;   // s: over which a turn's rate is the mean, so that a leap is one
 
 /// Least squares: without mean and trend.
 void detrend(std::vector<double>& values) {
@@ -64,22 +69,37 @@ bool lasts(const std::vector<double>& values, std::size_t period, double power) 
   return true;
 }
 
-/// m, rms: the largest error that says nothing of the loop. A target at constant velocity stirs
-/// nothing, so that its changes count: the velocity about its mean, in 3-D.
+/// rad/s: of the axis, the largest mean over kTurnSpan that ends within them.
 template <class Iterator>
-double sound_error(Iterator begin, Iterator end) {
+double fastest_turn(Iterator begin, Iterator end) {
+  double most = 0;
+  double turned = 0;  // rad, over the span that ends with `newest`
+  auto oldest = begin;
+  const auto angle = [begin](Iterator one) {
+    return one == begin ? 0.0 : one->turning * (one->time - std::prev(one)->time);
+  };
+  for (auto newest = begin; newest != end; ++newest) {
+    turned += angle(newest);
+    while (oldest->time < newest->time - kTurnSpan) turned -= angle(oldest++);
+    most = std::max(most, turned / kTurnSpan);
+  }
+  return most;
+}
+
+/// m, rms: the largest error that says nothing of the loop. A target at constant velocity stirs
+/// nothing, so that its changes count: the velocity about its mean, in 3-D. `turning`: rad/s.
+template <class Iterator>
+double sound_error(Iterator begin, Iterator end, double turning) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  double sigma = 0, turned = 0, squares = 0;
+  double sigma = 0, squares = 0;
   const auto count = static_cast<double>(end - begin);
   for (auto one = begin; one != end; ++one) {
     mean += one->reference / count;
     sigma = std::max(sigma, one->sigma);
-    turned += one->turning * one->turning / count;
   }
   for (auto one = begin; one != end; ++one)
     squares += (one->reference - mean).squaredNorm() / count;
-  return std::hypot(kAboveNoise * sigma, kPerVelocity * std::sqrt(squares),
-                    kPerTurning * std::sqrt(turned));
+  return std::hypot(kAboveNoise * sigma, kPerVelocity * std::sqrt(squares), kPerTurning * turning);
 }
 
 }  // namespace
@@ -87,7 +107,7 @@ double sound_error(Iterator begin, Iterator end) {
 void MotionWatch::add(const WatchedMotion& now) {
   if (!lately_.empty() && now.time <= lately_.back().time) reset();
   lately_.push_back(now);
-  while (lately_.front().time < now.time - kMemory) lately_.pop_front();
+  while (lately_.front().time < now.time - kMemory - kAfterTurn) lately_.pop_front();
   if (now.time < looked_ + kEvery) return;
   looked_ = now.time;
   look();
@@ -103,7 +123,10 @@ void MotionWatch::look() {
     const auto begin = std::find_if(lately_.begin(), lately_.end(),
                                     [&](const auto& one) { return one.time >= end - window; });
     const auto count = static_cast<std::size_t>(lately_.end() - begin);
-    const double sound = sound_error(begin, lately_.end());
+    const auto stirred = std::find_if(lately_.begin(), begin, [&](const auto& one) {
+      return one.time >= end - window - kAfterTurn;
+    });
+    const double sound = sound_error(begin, lately_.end(), fastest_turn(stirred, lately_.end()));
     for (int axis = 0; axis < 3 && !oscillating_; ++axis)
       oscillating_ = oscillates(axis, count, sound);
   }

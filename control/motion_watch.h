@@ -26,7 +26,7 @@ struct WatchedMotion {
   double turning = 0;
 };
 
-/// The last ten seconds, looked at every half second.
+/// The last ten seconds, looked at every half second; of the axis' turns five more.
 class MotionWatch {
  public:
   /// Times that run backwards begin anew.

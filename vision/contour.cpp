@@ -16,6 +16,8 @@ constexpr int kFineRounds = 5;
 constexpr double kLastMovePx = 0.03;  // a round that moves center and axes by less is the last
 // Ratio of estimated to nominal blur from which the estimate is the better start.
 constexpr double kClearlyMore = 1.3;
+// px: how far to either side the rim of a body with corners is searched at most.
+constexpr int kMostReach = 60;
 // Prior of the shading: from the rim inwards a body brightens by about these parts of its contrast,
 // as a root and linearly.
 constexpr double kRootSpread = 0.5;
@@ -102,17 +104,20 @@ double Contour::allowed_blur(double sigma) const {
 // (gray levels per px).
 // Leaves `n.found` false where there is no edge, and where already the outermost samples differ:
 // the rim then lies further out.
-void Contour::half_crossing(const Images& images, Normal& n, double& slope) const {
-  Samples s;
-  const int reach = static_cast<int>(settings_.search_px);
-  const int count = 2 * reach + 1;
-  if (!sample_normal(images.image, images.ground, n, reach, count, s)) return;
-  std::array<double, EdgeModel::kMaxSamples> d{};
+void Contour::half_crossing(const Images& images, const Reach& reach, Normal& n,
+                            double& slope) const {
+  using Line = std::array<double, 2 * kMostReach + 1>;
+  struct {
+    Line image, ground;
+  } s;
+  const int count = reach.inward + reach.outward + 1;
+  if (!sample_normal(images.image, images.ground, n, reach.inward, count, s)) return;
+  Line d{};
   const auto at = [&](int j) -> double& { return d[static_cast<std::size_t>(j)]; };
   for (int j = 0; j < count; ++j) {
     at(j) = s.image[static_cast<std::size_t>(j)] - s.ground[static_cast<std::size_t>(j)];
   }
-  const double noise = noise_at(images.noise, s.ground[static_cast<std::size_t>(reach)]);
+  const double noise = noise_at(images.noise, s.ground[static_cast<std::size_t>(reach.inward)]);
   const double threshold = std::max(settings_.min_contrast / 2, 4 * noise);
   // The outermost two neighbors that differ from the ground, to the same side.
   int first = count - 2;
@@ -133,10 +138,35 @@ void Contour::half_crossing(const Images& images, Normal& n, double& slope) cons
   while (j < count - 1 && sign * at(j) > half) ++j;
   const double fraction = (sign * at(j - 1) - half) / (sign * at(j - 1) - sign * at(j));
   n.found = std::isfinite(fraction);
-  n.shift_px = j - 1 + fraction - reach;
+  n.shift_px = j - 1 + fraction - reach.inward;
   n.variance = 0.25;  // half a px: the fit scales it to the scatter it finds
   n.contrast = at(top);
   slope = sign * (at(std::max(j - 2, 0)) - at(std::min(j + 1, count - 1))) / 3;
+}
+
+// In which the rim is searched. In the frame in which the ellipse of a body with corners is the
+// unit circle, a box has its sides at 0.89 and its corners at 1.26. Outside, the tail of the rim's
+// blur has to end within the reach, or the rim counts as lying further out: of a cylinder of 36 px
+// by 18 in which search_px were taken at the corners, too, five to ten normals were found in one
+// frame and lost in the next, and its length came and went by 0.8 px (docs/localization.md).
+// Inside, the contrast has to be reached.
+Contour::Reach Contour::reach_of(std::size_t k, const Ellipse& ellipse) const {
+  constexpr double kInner = 0.84, kOuter = 0.95;  // a round's start is not the last ellipse
+  constexpr double kTail = 2.5, kContrast = 3;    // sigma of blur
+  constexpr double kFlat = 3;                     // px, beyond either
+  const int usual = static_cast<int>(settings_.search_px);
+  if (!settings_.corners) return {usual, usual};
+  const double angle =
+      2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(normals_.size());
+  const double side = 1 / std::max(std::abs(std::cos(angle)), std::abs(std::sin(angle)));
+  // px along the normal for the ellipse's own radius there
+  const double own = normals_[k].outward.dot(normals_[k].rim_px - ellipse.center_px);
+  const double out = std::max(0.0, kOuter * side - 1) * own + kTail * sigma_ + kFlat;
+  const double in = std::max(0.0, 1 - kInner * side) * own + kContrast * sigma_ + kFlat;
+  const auto within = [usual](double wanted) {
+    return std::clamp(static_cast<int>(std::ceil(wanted)), usual, kMostReach);
+  };
+  return {within(std::min(in, own)), within(out)};
 }
 
 // All normals' half crossings. The blur from their slope: a step of contrast c blurred by sigma has
@@ -145,9 +175,10 @@ void Contour::take_crossings(const Images& images, const Ellipse& ellipse) {
   place_normals(ellipse, normals_);
   std::vector<double> contrasts;
   std::vector<double> slopes;
-  for (Normal& n : normals_) {
+  for (std::size_t k = 0; k < normals_.size(); ++k) {
+    Normal& n = normals_[k];
     double slope = 0;
-    half_crossing(images, n, slope);
+    half_crossing(images, reach_of(k, ellipse), n, slope);
     if (!n.found) continue;
     contrasts.push_back(std::abs(n.contrast));
     slopes.push_back(slope);

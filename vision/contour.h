@@ -61,7 +61,11 @@ class Contour {
   EllipseMeasurement measurement(const FittedEllipse& fitted) const;
   bool coarse_rounds(const Images& images, Ellipse& ellipse);
   bool coarse_round(const Images& images, Ellipse& ellipse);
-  void half_crossing(const Images& images, Normal& normal, double& slope) const;
+  struct Reach {  // px, along a normal
+    int inward, outward;
+  };
+  Reach reach_of(std::size_t k, const Ellipse& ellipse) const;
+  void half_crossing(const Images& images, const Reach& reach, Normal& normal, double& slope) const;
   void take_crossings(const Images& images, const Ellipse& ellipse);
   double allowed_blur(double sigma) const;
   std::optional<FittedEllipse> fine_round(const Images& images, const Ellipse& ellipse);

@@ -38,7 +38,10 @@ constexpr int kPlantSure = 2;  // measurements in a row
 // m, told within a window, and a part of it that was gone: less is standing.
 constexpr double kPlantTold = 0.4e-3;
 constexpr double kPlantGone = 0.15;
-constexpr int kPlantStoodFor = 4;                                   // measurements in a row
+constexpr int kPlantStoodFor = 4;  // measurements in a row
+// s after the robot was found: places by outlines of another attitude were up to 1.5 mm off, in two
+// to five frames, and a drift of millimeters per second came of it that no motion had.
+constexpr double kPlantTurnsIn = 0.5;
 constexpr double kPlantKept = 2 * kPlantLongest + kPlantDriftSpan;  // s
 constexpr int kPlantSubsteps =
     4;  // between two measurements, in which the currents' lag is followed
@@ -57,6 +60,11 @@ PlantWatch::PlantWatch(const RigModel& model)
     : model_(model),
       lag_(1 / (2 * M_PI * model.command_bandwidth)),
       flow_{control::Currents::Zero(model.field.coils()), 0, 0} {}
+
+void PlantWatch::found(double time) {
+  forget();
+  heard_from_ = time + kPlantTurnsIn;
+}
 
 // The currents go on: what was commanded still acts.
 void PlantWatch::forget() {
@@ -138,6 +146,7 @@ void PlantWatch::note_field(Sample& sample) const {
 void PlantWatch::measured(double time, const Eigen::Vector3d& position,
                           const Eigen::Matrix3d& noise, const Eigen::Matrix3d& by_attitude,
                           double delay) {
+  if (time < heard_from_) return;
   // What moved the robot until `time` are commands from the delay earlier. No command acts before
   // it is given.
   const double acting = time - std::max(delay, -model_.command_delay);

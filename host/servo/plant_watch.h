@@ -37,6 +37,9 @@ class PlantWatch {
   bool standing() const { return standing_; }
   /// m/s: what is left over, of the window that says most, over what is let pass. For figures.
   double excess() const { return excess_; }
+  /// The robot was found at `time` (s), for the first time or again: it turns into the field, and
+  /// its first outlines are of another attitude.
+  void found(double time);
   /// The robot is not seen, beside a wall, or let go: what it did until now says nothing.
   void forget();
 
@@ -81,6 +84,7 @@ class PlantWatch {
   Flow flow_;
   Eigen::Matrix3d mobility_ = Eigen::Matrix3d::Zero();
   std::deque<Sample> samples_;  // the newest at the end
+  double heard_from_ = -1e9;    // s
   int doubtful_ = 0;            // measurements in a row
   int stood_ = 0;
   std::string fault_;

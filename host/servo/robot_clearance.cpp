@@ -56,6 +56,7 @@ std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& posi
   control::UncertainPose pose{position, covariance, belief_.axis, belief_.axis_sigma};
   // Systematic and random errors are independent: their covariances add up. The doubt is of the
   // eye's frame, which is parallel to the world's.
+  pose.covariance += by_attitude_;
   pose.covariance += doubt_.covariance(position - model_.eye_in_world);
   pose.covariance += eye_sigma_ * eye_sigma_ * Eigen::Matrix3d::Identity();
   control::Clearance found = control::clearance(model_.body, model_.eye, pose);
@@ -93,6 +94,23 @@ void RobotClearance::check(const control::Trajectory& path) const {
         position.x() * 1e3, position.y() * 1e3, position.z() * 1e3, clearance_text(*there),
         margin() * 1e3));
   }
+}
+
+PlacedClearance placed_at(const Eigen::Vector3d& position, const control::Clearance& walls) {
+  return {walls, position, position};
+}
+
+PlacedClearance nearer_of(const PlacedClearance& one, const PlacedClearance& other) {
+  PlacedClearance found = one;
+  if (other.walls.retina.bound() < one.walls.retina.bound()) {
+    found.walls.retina = other.walls.retina;
+    found.near_retina = other.near_retina;
+  }
+  if (other.walls.lens.bound() < one.walls.lens.bound()) {
+    found.walls.lens = other.walls.lens;
+    found.near_lens = other.near_lens;
+  }
+  return found;
 }
 
 std::string clearance_text(const control::Clearance& clearance) {

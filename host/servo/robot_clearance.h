@@ -34,6 +34,10 @@ class RobotClearance {
   std::optional<control::Clearance> at(
       const Eigen::Vector3d& position,
       const Eigen::Matrix3d& covariance = Eigen::Matrix3d::Zero()) const;
+  /// m^2, what the position may be off by the robot's attitude, from now on: it stays while the
+  /// robot does not turn, so that it is no part of a filter's covariance, and is not known before a
+  /// measurement.
+  void doubt_by_attitude(const Eigen::Matrix3d& covariance) { by_attitude_ = covariance; }
   /// The robot's axis from now on, unit, world, and how well it is known (rad).
   void expect_axis(const Eigen::Vector3d& axis, double sigma) {
     belief_.axis = axis;
@@ -59,10 +63,22 @@ class RobotClearance {
   Walls model_;
   ClearanceBelief belief_;
   optics::DepthDoubt doubt_;
+  Eigen::Matrix3d by_attitude_ = Eigen::Matrix3d::Zero();  // m^2
   double eye_sigma_ = 0;    // m, of where the eye stands, each coordinate
   double felt_retina_ = 0;  // m
   double felt_lens_ = 0;    // m
 };
+
+/// Clearances, and the place (m, world) that each wall's is of.
+struct PlacedClearance {
+  control::Clearance walls;
+  Eigen::Vector3d near_retina{0, 0, 0};
+  Eigen::Vector3d near_lens{0, 0, 0};
+  const Eigen::Vector3d& nearest_place() const { return walls.at_lens() ? near_lens : near_retina; }
+};
+PlacedClearance placed_at(const Eigen::Vector3d& position, const control::Clearance& walls);
+/// Of two places where the robot may be: of each wall the one whose bound is nearer.
+PlacedClearance nearer_of(const PlacedClearance& one, const PlacedClearance& other);
 
 /// "0.35 mm from the retina (±0.23 mm)", or "0.12 mm inside the lens".
 std::string clearance_text(const control::Clearance& clearance);

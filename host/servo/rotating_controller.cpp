@@ -156,8 +156,15 @@ bool RotatingController::take(double now, const control::PositionMeasurement& me
   // A Cholesky factor exists exactly for a positive definite matrix.
   if (Eigen::LLT<Eigen::Matrix3d>(sound.covariance).info() != Eigen::Success) return false;
   if (!estimator_) tune(now, sound);
+  // A tail's beat is taken off: seen slower than it is, the law would answer it.
+  const auto beating = beating_at(sound.time);
+  if (beating) sound.position -= beat_.displacement(*beating);
   // What the filter does not believe says nothing of the response either.
   if (!estimator_->measure(sound)) return false;
+  if (const auto& innovation = estimator_->innovation(); beating && innovation)
+    beat_.learn(*beating, innovation->value, innovation->covariance);
+  // The watch knows the beat as a part of its noise.
+  sound.position = measured.position;
   watch(sound, step);
   last_ = sound;
   position_ = sound.position;
@@ -366,6 +373,7 @@ void RotatingController::command(RotatingStep& step, double now, const Eigen::Ve
   } else {
     given = steered(given);
   }
+  turn_phase(now);
   // Two histories: the watch compares with the swimming alone, the filter with all that moves the
   // robot, the sinking included.
   commands_.add(now, given);
@@ -386,6 +394,34 @@ void RotatingController::allocate(RotatingStep& step, const Eigen::Vector3d& pos
   if (oscillates()) whole.swing = settings_.law.swing;
   settings_.limits.update = update;
   coils_limit_ = control::fastest(step.currents, whole, settings_.limits);
+}
+
+/// The phase as the rotor turns it, but for where it began and for what its set-points are apart:
+/// both are in what is learnt.
+void RotatingController::turn_phase(double now) {
+  constexpr double kKept = 1;  // s, beyond what delay and latency are
+  if (!oscillates()) return;
+  const control::Rotation& rotation = state_.rotation;
+  double phase = 0;
+  if (!turned_.empty()) {
+    const Turned& last = turned_.back();
+    phase = std::remainder(last.moment.phase + last.rate * (now - last.time), 2 * M_PI);
+  }
+  turned_.push_back(
+      {now, 2 * M_PI * rotation.frequency, {phase, rotation.swing.value_or(0), rotation.first}});
+  while (turned_.size() > 2 && turned_[1].time < now - kKept) turned_.pop_front();
+}
+
+/// Of the command that acted then. Nothing of a field that turns, and before there was any.
+std::optional<control::Beat::Moment> RotatingController::beating_at(double time) const {
+  const double given = time - model_.command_delay;
+  for (auto turned = turned_.rbegin(); turned != turned_.rend(); ++turned) {
+    if (turned->time > given) continue;
+    control::Beat::Moment moment = turned->moment;
+    moment.phase += turned->rate * (given - turned->time);
+    return moment;
+  }
+  return std::nullopt;
 }
 
 /// m/s, world; zero on a wall, which carries the robot.
@@ -435,6 +471,8 @@ void RotatingController::reset() {
   step_outs_ = 0;
   state_.unresponsive = false;
   commands_.clear();
+  turned_.clear();
+  beat_.reset();
   last_.reset();
   changes_ = {};
   last_commanded_.setZero();

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "control/beat.h"
 #include "control/command_history.h"
 #include "control/estimator.h"
 #include "control/servo_law.h"
@@ -14,6 +15,7 @@
 
 #include <Eigen/Core>
 
+#include <deque>
 #include <optional>
 
 namespace vitreo {
@@ -85,6 +87,8 @@ class RotatingController {
   Eigen::Vector3d steered(const Eigen::Vector3d& velocity);
   void allocate(RotatingStep& step, const Eigen::Vector3d& position, double update);
   Eigen::Vector3d sinking() const;
+  void turn_phase(double now);
+  std::optional<control::Beat::Moment> beating_at(double time) const;
   Eigen::Vector3d wall_normal(const Eigen::Vector3d& position) const;
 
   RigModel model_;
@@ -101,6 +105,14 @@ class RotatingController {
   std::optional<control::PositionEstimate> ahead_;  // when the command of this step acts
   const RobotClearance* clearance_ = nullptr;
   control::CommandHistory commands_;  // of the swimming alone
+  control::Beat beat_;
+  /// The field as it was commanded from `time` (s) on, with the phase that it had then.
+  struct Turned {
+    double time;
+    double rate;  // rad/s
+    control::Beat::Moment moment;
+  };
+  std::deque<Turned> turned_;  // of the last second
   std::optional<control::PositionMeasurement> last_;
   Eigen::Vector3d position_{0, 0, 0};  // m, the last known
   control::ServoChanges changes_;

@@ -162,7 +162,7 @@ void Servo::Loop::note_taken(const Observation& observation, const ControlStep& 
   if (observation.position && !step.passed_over) {
     taken_at = clock.now();
     not_taken.clear();
-    seen = true;
+    if (!std::exchange(seen, true)) plant.found(to_seconds(taken_at));
   }
   if (seen && !let_go && to_seconds(clock.now() - taken_at) > settings.lost_timeout)
     let_the_robot_go(not_taken.empty()
@@ -210,22 +210,28 @@ void Servo::Loop::watch_plant(const Frame& frame, double now, const Observation&
 }
 
 void Servo::Loop::look_at_walls(const Observation& observation) {
-  status.clearance.reset();
+  nearness.reset();
   status.position = observation.position;
-  if (observation.position)
-    status.clearance = surface.at(*observation.position, observation.noise());
+  if (observation.position) {
+    surface.doubt_by_attitude(observation.by_attitude);
+    if (const auto seen_there = surface.at(*observation.position, observation.noise()))
+      nearness = placed_at(*observation.position, *seen_there);
+  }
+  show_clearance();
+}
+
+void Servo::Loop::show_clearance() {
+  status.clearance.reset();
+  if (nearness) status.clearance = nearness->walls;
 }
 
 /// A place that the filter passes over may be anybody's: the robot may as well be where the filter
 /// has it. Of each wall the nearer of both counts, until one of them is taken.
 void Servo::Loop::doubt_nearness(const control::PositionEstimate& estimate) {
   const auto believed = surface.at(estimate.position, estimate.covariance.topLeftCorner<3, 3>());
-  if (!believed || !status.clearance) return;
-  const auto nearer = [](control::WallClearance& shown, const control::WallClearance& other) {
-    if (other.bound() < shown.bound()) shown = other;
-  };
-  nearer(status.clearance->retina, believed->retina);
-  nearer(status.clearance->lens, believed->lens);
+  if (!believed || !nearness) return;
+  nearness = nearer_of(*nearness, placed_at(estimate.position, *believed));
+  show_clearance();
 }
 
 void Servo::Loop::watch_walls(const Frame& frame, const control::Reference& target,
@@ -254,15 +260,17 @@ void Servo::Loop::watch_walls(const Frame& frame, const control::Reference& targ
 }
 
 void Servo::Loop::report_nearness(const control::Currents& currents) {
-  if (!status.clearance || !status.position || may_touch) return rig.coils->near(std::nullopt);
-  const control::WallClearance& wall = status.clearance->nearest();
+  if (!nearness || may_touch) return rig.coils->near(std::nullopt);
+  const control::WallClearance& wall = nearness->walls.nearest();
+  // Where the clearance is of: the place that is seen may be another one (doubt_nearness).
+  const Eigen::Vector3d& there = nearness->nearest_place();
   const RigModel& model = rig.model;
   Eigen::Vector3d force = control::force_at(model.field, model.robot, model.medium, currents,
-                                            model.field.nearest_valid(*status.position));
+                                            model.field.nearest_valid(there));
   // force_at() has the weight in it; what the currents do alone is wanted here.
   force.z() += model.robot.net_weight(model.medium);
-  const Eigen::Vector3d driven = controller.drag_at(*status.position).inverse() * force;
-  rig.coils->near(Interlock::Nearness{status.clearance->at_lens() ? "lens" : "retina", wall.bound(),
+  const Eigen::Vector3d driven = controller.drag_at(there).inverse() * force;
+  rig.coils->near(Interlock::Nearness{nearness->walls.at_lens() ? "lens" : "retina", wall.bound(),
                                       surface.margin(), -wall.normal.dot(driven)});
 }
 

@@ -64,6 +64,7 @@ struct Servo::Loop {
   void watch_plant(const Frame& frame, double now, const Observation& observation,
                    const ControlStep& step);
   void look_at_walls(const Observation& observation);
+  void show_clearance();  // of `nearness`
   /// Alarms: inside the margin, and pushed against a wall that the position does not show. In that
   /// case the view is wrong by what it shows there, and is believed so from then on.
   void doubt_nearness(const control::PositionEstimate& estimate);
@@ -122,6 +123,7 @@ struct Servo::Loop {
   RobotClearance surface;
   PlantWatch plant;
   WallWatch walls;
+  std::optional<PlacedClearance> nearness;  // of this frame: status.clearance, and where
   bool may_touch = false;
   bool was_inside = false;
   struct {

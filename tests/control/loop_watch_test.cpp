@@ -105,6 +105,47 @@ TEST(MotionWatch, WhatIsCommandedOnPurposeIsNoOscillationAndALimitCycleBesideItI
   }
 }
 
+// Turns of a second each, as between directions that are near to each other: what they stir comes
+// back in step, rings for some seconds after the last of them, and is of the size that one long
+// turn would stir.
+TEST(MotionWatch, WhatShortTurnsStirIsNoOscillationAndALimitCycleAfterThemIs) {
+  for (const bool cycles : {false, true}) {
+    MotionWatch watch;
+    Motions motions;
+    double named = -1;
+    for (double time = 0; time < 40; time += kPeriod) {
+      const bool turns = time < 20 && std::fmod(time, 4.0) < 1;
+      const double stirred = time < 22 ? 35e-6 * std::sin(2 * M_PI * time / 2) : 0;
+      const double cycle = cycles && time > 20 ? 60e-6 * std::sin(2 * M_PI * time / 1.1) : 0;
+      WatchedMotion now = motions.at(time, {0, stirred + cycle, 0});
+      now.turning = turns ? 0.3 : 0;
+      watch.add(now);
+      if (watch.oscillating() && named < 0) named = time;
+    }
+    if (cycles) {
+      EXPECT_NEAR(named, 28, 5) << "ten seconds after its begin, and those of the turn";
+    } else {
+      EXPECT_LT(named, 0);
+    }
+  }
+}
+
+// A leap of the axis is one turn, and not one of fifteen radians per second.
+TEST(MotionWatch, ALeapOfTheAxisDoesNotHideALimitCycle) {
+  MotionWatch watch;
+  Motions motions;
+  double named = -1;
+  for (int n = 0; n < 300; ++n) {
+    const double time = n * kPeriod;
+    WatchedMotion now = motions.at(time, {350e-6 * std::sin(2 * M_PI * time / 1.1), 0, 0});
+    now.turning = n == 60 ? 0.8 / kPeriod : 0;
+    watch.add(now);
+    if (time > 5 && watch.oscillating() && named < 0) named = time;
+  }
+  EXPECT_GT(named, 0);
+  EXPECT_LT(named, 10);
+}
+
 TEST(MotionWatch, ARobotThatIsToldToMoveAndStandsIsNamedAndOneThatMovesIsNot) {
   for (const bool stands : {true, false}) {
     MotionWatch watch;

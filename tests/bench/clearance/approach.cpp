@@ -27,8 +27,12 @@ constexpr double kObeys = 1.0;
 RigDescription rig_of(const ApproachSetting& setting) {
   RigDescription description = whole_rig();
   ConfigTable truth{{"machine", {"sampled"}}};
-  // Crossed plates on end are a cross that the tracker does not take for the robot.
-  if (setting.upright) truth["drawn_as"] = ConfigValue{std::string("ellipsoid")};
+  // Crossed plates on end are a cross that the tracker does not take for the robot. What is drawn
+  // as an ellipsoid is believed to be one, as by the rig "ellipsoid".
+  if (setting.upright) {
+    truth["drawn_as"] = ConfigValue{std::string("ellipsoid")};
+    description.table["model"] = ConfigValue{ConfigTable{{"shape", {"ellipsoid"}}}};
+  }
   description.table["truth"] = ConfigValue{truth};
   ConfigTable keep_out{{"margin", {setting.margin}}};
   if (setting.perturbed_eye) keep_out["eye"] = ConfigValue{std::string("table_5_1")};
@@ -113,7 +117,8 @@ void perturb_eye(const TestBench& bench, std::uint64_t seed) {
 std::optional<ViewCorrection> calibrate(TestBench& bench, const ApproachSetting& setting) {
   ServoSettings settings = settings_of(setting);
   const auto servo = bench.held(2, settings);
-  servo->hold({0, 0, -2.5e-3});
+  // As scripts/calibration/retina.lua: clear of the margin, upright in an unknown eye too.
+  servo->hold({0, 0, -1.8e-3});
   bench.clock->sleep_for(from_seconds(6));
   servo->set_trim(servo->trim() + servo->force_for({0, 0, -0.6e-3}));
   servo->release(false, true);

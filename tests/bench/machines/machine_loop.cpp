@@ -275,6 +275,7 @@ void note_quality(MachineResult& result, LoopQuality& before, const LoopQuality&
     if (first < 0) first = time;
   };
   note(now.oscillating, before.oscillating, result.oscillation);
+  if (now.oscillating) result.swing = std::max(result.swing, now.amplitude);
   note(now.standing, before.standing, result.standstill);
   note(now.weak_coil != 0, before.weak_coil == now.weak_coil, result.weak);
   if (now.weak_coil != 0 && result.weak_coil == 0) result.weak_coil = now.weak_coil;

@@ -93,6 +93,7 @@ struct MachineResult {
   // What the loop watch said, s, first; below 0: never. Of a coil: that one was named, and which.
   double oscillation = -1;
   double oscillating = 0;  // s in all, for which an oscillation was told
+  double swing = 0;        // m, the largest amplitude that was told
   double standstill = -1;
   double weak = -1;
   int weak_coil = 0;

@@ -48,6 +48,35 @@ double true_clearance(TestBench& bench) {
       .nearest();
 }
 
+control::WallClearance wall_at(double distance) { return {distance, {0, 0, 1}, 0.1e-3}; }
+
+// What the interlock judges a push by: the wall's clearance with the place that it is of.
+TEST(RobotClearance, OfTwoPlacesEachWallHasTheNearerAndItsPlace) {
+  const Eigen::Vector3d high(0, 0, 8e-3), low(1e-3, 0, -3e-3);
+  const PlacedClearance seen = placed_at(high, {wall_at(12e-3), wall_at(1e-3)});
+  const PlacedClearance believed = placed_at(low, {wall_at(0.8e-3), wall_at(11e-3)});
+  for (const PlacedClearance& both : {nearer_of(seen, believed), nearer_of(believed, seen)}) {
+    EXPECT_EQ(both.walls.retina.distance, 0.8e-3);
+    EXPECT_EQ(both.walls.lens.distance, 1e-3);
+    EXPECT_EQ(both.near_retina, low);
+    EXPECT_EQ(both.near_lens, high);
+    EXPECT_EQ(both.nearest_place(), low);
+  }
+}
+
+// A measurement's doubt by attitude stays while the robot lies as it does: no filter averages it.
+TEST(RobotClearance, ADoubtByAttitudeIsInTheBoundOfEveryPlaceFromThenOn) {
+  TestBench bench;
+  RobotClearance surface(bench.roles().model, by_pose().clearance_belief());
+  const Eigen::Vector3d place(0, 0, -3e-3);
+  const double before = surface.at(place)->retina.uncertainty;
+  constexpr double kSigma = 0.4e-3;  // m, along z
+  surface.doubt_by_attitude(Eigen::Vector3d(0, 0, kSigma * kSigma).asDiagonal());
+  const double after = surface.at(place)->retina.uncertainty;
+  EXPECT_GT(after, 2.5 * kSigma);
+  EXPECT_LT(after, before + 2.6 * kSigma);
+}
+
 TEST(RobotClearance, ATargetInsideOfTheRetinaOrTheMarginIsRefusedWithTheClearanceInMillimeters) {
   TestBench bench;
   const auto servo = bench.held(1, by_pose());

@@ -184,9 +184,10 @@ void false_alarms(const MachineSetting& setting, std::uint64_t first, int count)
       coils += found.weak_coil != 0 ? 1 : 0;
       if (found.alarms > 0)
         std::printf(
-            "  seed %llu %s: %d alarms; coil %d at %.0f s, oscillation %.0f, standstill %.0f\n",
+            "  seed %llu %s: %d alarms; coil %d at %.0f s, oscillation %.0f (%.0f um), standstill "
+            "%.0f\n",
             static_cast<unsigned long long>(one.seed), around ? "square" : "hold", found.alarms,
-            found.weak_coil, found.weak, found.oscillation, found.standstill);
+            found.weak_coil, found.weak, found.oscillation, found.swing * 1e6, found.standstill);
     }
   std::printf("\nHealthy machines: %d alarms, %d coils named, in %.1f h\n", alarms, coils, hours);
 }

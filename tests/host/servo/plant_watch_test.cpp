@@ -1,0 +1,131 @@
+// Plant watch: a robot whose response is not the believed one and that comes to rest is healthy;
+// one that is held while its target goes on, and one whose coil is reversed, are not.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/plant_watch.h"
+
+#include "control/robots.h"
+#include "control/stability.h"
+#include "host/servo/field_allocator.h"
+#include "optics/system/prescriptions.h"
+
+#include <Eigen/LU>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <random>
+#include <string>
+
+namespace vitreo {
+namespace {
+
+constexpr double kPeriod = 1 / 15.0;
+constexpr double kNoise = 10e-6;  // m
+
+RigModel cylinder_model() {
+  RigModel model;
+  model.eye = optics::model_eye_5_3();
+  model.robot = control::robot_named("ndfeb_cylinder_1mm");
+  return model;
+}
+
+/// A plant of the model's own forces, but for its response, a flow, and what happens to it.
+struct Plant {
+  double gain = 1;                             // of its response to the coils' force
+  Eigen::Vector3d flow{0, 0, 0};               // m/s
+  Eigen::Vector3d start{-1.5e-3, 1e-3, 1e-3};  // m, from the target
+  double held_from = 1e9;                      // s
+  double reversed_from = 1e9;                  // s, the first coil
+  Eigen::Vector3d target_velocity{0, 0, 0};    // m/s, from 4 s on
+  double turns_in = 0;  // m: how much too high the first three frames show it
+  bool found = true;    // the watch is told that it was found
+};
+
+struct Watched {
+  double standing = -1;  // s, first
+  std::string fault;
+};
+
+/// The thesis' PD (1.5 /s).
+Watched watched(const RigModel& model, const Plant& plant, double end) {
+  const FieldAllocator allocator(model, {});
+  const Eigen::Matrix3d drag = control::resistance(model.robot, model.medium, {1, 0, 0});
+  PlantWatch watch(model);
+  if (plant.found) watch.found(0);
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  Eigen::Vector3d place = plant.start;
+  Watched found;
+  std::optional<control::Currents> acting;
+  for (double now = 0; now < end; now += kPeriod) {
+    Eigen::Vector3d seen = place;
+    for (double& one : seen) one += kNoise * normal(random);
+    if (now < 2.5 * kPeriod) seen.z() += plant.turns_in;
+    watch.measured(now, seen, kNoise * kNoise * Eigen::Matrix3d::Identity(),
+                   Eigen::Matrix3d::Zero(), 0);
+    if (watch.standing() && found.standing < 0) found.standing = now;
+    if (found.fault.empty()) found.fault = watch.fault();
+    const Eigen::Vector3d target = std::max(0.0, now - 4) * plant.target_velocity;
+    const auto given = allocator.allocate(seen, 1.5 * (drag * (target - seen)));
+    watch.commanded(now, given.currents, drag.inverse());
+    // The belief's delay and lag, of which a frame is nearly as long.
+    control::Currents flowing = acting.value_or(given.currents);
+    if (now > plant.reversed_from) flowing[0] = -flowing[0];
+    acting = given.currents;
+    if (now > plant.held_from) continue;
+    const Eigen::Vector3d weight(0, 0, -model.robot.net_weight(model.medium));
+    const Eigen::Vector3d force =
+        control::force_at(model.field, model.robot, model.medium, flowing, place);
+    place += kPeriod * (plant.flow + drag.inverse() * (weight + plant.gain * (force - weight)));
+  }
+  return found;
+}
+
+// A machine whose coils pull half as much again, or half: what the drift was while it went fast is
+// wrong by as much when it comes to rest, beside a flow that the PD does not make good.
+TEST(PlantWatch, ARobotThatComesToRestWithAnotherResponseIsNotAccused) {
+  const RigModel model = cylinder_model();
+  for (const double gain : {0.7, 1.0, 1.3})
+    for (const double flow : {-1.0e-3, 0.0, 1.0e-3}) {
+      Plant plant;
+      plant.gain = gain;
+      plant.flow = {flow, 0.5 * flow, 0};
+      const Watched found = watched(model, plant, 6);
+      EXPECT_LT(found.standing, 0) << gain << " " << flow;
+      EXPECT_EQ(found.fault, "") << gain << " " << flow;
+    }
+}
+
+// Its first outlines, while it turns into the field, are of another attitude: the drift that they
+// make goes on for a second and a half, under which a robot that comes to rest seems to be held.
+TEST(PlantWatch, WhatARobotThatWasJustFoundShowsAsItTurnsInIsNoMotion) {
+  for (const bool told : {true, false}) {
+    Plant plant;
+    plant.start = {0.1e-3, 0, 0};
+    plant.turns_in = 1.5e-3;
+    plant.found = told;
+    const Watched seen = watched(cylinder_model(), plant, 6);
+    EXPECT_EQ(seen.standing < 0 && seen.fault.empty(), told);
+  }
+}
+
+TEST(PlantWatch, ARobotThatIsHeldWhileItsTargetGoesOnIsNamed) {
+  Plant plant;
+  plant.held_from = 4;
+  plant.target_velocity = {0.7e-3, 0, 0};
+  const Watched found = watched(cylinder_model(), plant, 8);
+  EXPECT_GT(found.standing, 4);
+  EXPECT_LT(found.standing, 7);
+  EXPECT_EQ(found.fault, "");
+}
+
+TEST(PlantWatch, ACoilThatIsReversedAtRestIsNamed) {
+  Plant plant;
+  plant.reversed_from = 4;
+  const Watched found = watched(cylinder_model(), plant, 6);
+  EXPECT_NE(found.fault, "");
+}
+
+}  // namespace
+}  // namespace vitreo
