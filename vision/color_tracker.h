@@ -71,7 +71,10 @@ struct TrackMemory {
   double margin = 0;                       ///< least of its frames, as Track::margin
   double heading = 0;       ///< rad: of the two along the major axis the one that is followed
   double heading_odds = 0;  ///< log odds of it against the opposite one
-  LightMemory light;        ///< against that of the training
+  /// LookWorth::center and shape of the last image that was measured.
+  double last_center_worth = 1;
+  double last_shape_worth = 1;
+  LightMemory light;  ///< against that of the training
 };
 
 struct Track {

@@ -37,7 +37,7 @@ struct Observation {
 /// `size`: against the masks.
 LookFeatures features_of(const Observation& seen, double size);
 
-/// Of the model's colors, or of its network where it has one. `model` must outlive it.
+/// Of the model's colors, of its network where it has one, or of gray levels where it has no color. `model` must outlive it.
 std::unique_ptr<EvidenceSource> evidence_source(const ObjectModel& model);
 
 class ObjectView {
@@ -60,6 +60,7 @@ class ObjectView {
   int max_side_px_;
   std::unique_ptr<EvidenceSource> source_;
   Evidence evidence_;
+  Evidence rim_evidence_;  // where the source has another one for the rim
   LevelSet level_set_;
   RadialRim rim_;
   std::vector<FrontPoint> front_;

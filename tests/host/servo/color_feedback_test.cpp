@@ -108,6 +108,18 @@ TEST(ColorFeedback, ADriftingPhotographIsAsGoodAsAStillOne) {
   }
 }
 
+TEST(ColorFeedback, AGrayCameraSteersAcrossAFoveaOfTheRobotsGray) {
+  const Round still = color_square({.color = false}, Feedback::color);
+  const Round drifting = color_square({.drift = 1e-3, .color = false}, Feedback::color);
+  EXPECT_LT(still.path, 0.35e-3) << "of one camera, whose depth is the worst known";
+  EXPECT_LT(drifting.path, 1.3 * still.path);
+  for (const Round& round : {still, drifting}) {
+    EXPECT_EQ(round.state, "holding");
+    EXPECT_LT(round.worst, kWrong);
+    EXPECT_EQ(round.unseen, 0);
+  }
+}
+
 TEST(ColorFeedback, TheBackgroundsEyeFailsWhereTheGroundDriftsAndColorTakesOver) {
   EXPECT_EQ(color_square({.drift = 1e-3}, Feedback::one_camera).state, "lost");
   const Round both = color_square({.drift = 1e-3}, Feedback::color_and_background);
