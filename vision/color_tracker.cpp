@@ -464,8 +464,7 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
   return false;
 }
 
-// After the light jumped: the object is where it was expected to be, in one of the lights that it
-// may have now.
+// The object is where it was expected to be, in another one of the lights that it may have now.
 bool ColorTracker::State::near_expected_relit(const cv::Mat& image, const Owned& owned,
                                               Track& track) {
   const LightMemory::Guesses guesses = light.guesses(model.light);
@@ -660,7 +659,11 @@ Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   s.view.set_light(track.light);
   const bool followed = s.state == TrackState::tracking || s.state == TrackState::coasting;
   bool found = (followed || s.agreed > 0) && s.near_expected(image, owned, track);
-  if (!found && followed && s.settings.adapt && s.light.jumped())
+  // In a spot of light the object's own may be neither the one that was learnt nor the ground's.
+  // Not in a frame that is searched as a whole anyway, unless the light jumped: its time is
+  // bounded.
+  if (!found && followed && s.settings.adapt &&
+      (s.light.jumped() || s.unseen < s.settings.coast_frames))
     found = s.near_expected_relit(image, owned, track);
   if (!found) s.drop_candidate();
   if (!found && followed) s.not_seen();
