@@ -30,6 +30,9 @@ class EvidenceSource {
                     std::int8_t* to) const = 0;
   /// The source of what decides on the outline, where it is another one; as long as this one lives.
   virtual EvidenceSource* rim() { return this; }
+  /// Share of the object's own pixels that F clearly gives to the ground (F < -1) where it is
+  /// right: of an object whose shading passes the ground's levels.
+  virtual double own_against() const { return 0; }
   /// Gains of the images to come against those of the training; none at first.
   virtual void set_light(const LogColor& gains) = 0;
 };

@@ -14,8 +14,8 @@ namespace {
 
 // The ring around the expected object whose levels are the ground's there, px beyond its rim: not
 // nearer than a prediction may err by, and no wider than what a ground is alike over.
-constexpr double kRingFrom = 5;
-constexpr double kRingUntil = 17;
+constexpr double kRingFrom = 3;
+constexpr double kRingUntil = 12;
 constexpr int kRingStep = 2;       // px between its samples
 constexpr int kFewestRing = 64;    // samples, that show a ground
 constexpr int kFewestSector = 24;  // and of an eighth of the ring
@@ -23,10 +23,19 @@ constexpr int kFewestSector = 24;  // and of an eighth of the ring
 // the blur of both; the rest is the ground of the training, for what comes into the ring next.
 constexpr double kLocal = 0.7;
 constexpr double kOfSector = 0.5;  // of the outline's ground: the eighth of the ring beside it
+// What the inside of an outline is judged by: a level that the object has often is not clearly the
+// ground's because the ground beside it has it too.
+constexpr double kLocalInside = 0.35;
 constexpr double kBeside = 0.15;
-constexpr int kBeside_px = 6;        // how far from the object that is
-constexpr int kRim_px = 9;           // how deep its rim is: what a normal looks at of it
-constexpr double kLevelSigma = 2;    // gray levels by which densities are smoothed
+constexpr int kBeside_px = 6;  // how far from the object that is
+constexpr int kRim_px = 6;     // how deep its rim is
+// Blur mixes both over this way, px; such levels are left out of the training's densities, as they
+// are those of another ground, and made anew of the ground around the object. Their shares of what
+// a normal looks at, either side.
+constexpr int kBlur_px = 2;
+constexpr double kBlurShare = 0.15;
+constexpr double kLeastStep = 4;     // gray levels between rim and ground
+constexpr double kLevelSigma = 1.5;  // gray levels by which densities are smoothed
 constexpr double kLeastGray = 1e-4;  // density below which a level has not been shown
 
 GrayDensity smoothed_density(const std::array<double, kGrayLevels>& counts) {
@@ -83,6 +92,28 @@ float density_at(const GrayDensity& density, double level) {
   return density[k] + share * (density[k + 1] - density[k]);
 }
 
+double mean_level(const GrayDensity& density) {
+  double sum = 0;
+  double whole = 0;
+  for (std::size_t level = 0; level < kGrayLevels; ++level) {
+    sum += static_cast<double>(level) * static_cast<double>(density[level]);
+    whole += static_cast<double>(density[level]);
+  }
+  return whole > 0 ? sum / whole : 0;
+}
+
+// All levels from one to the other alike.
+GrayDensity evenly(double one, double other) {
+  const double middle = (one + other) / 2;
+  const double half = std::max(std::abs(one - other), kLeastStep) / 2;
+  const auto first = static_cast<std::size_t>(std::clamp(std::lround(middle - half), 0L, 255L));
+  const auto last = static_cast<std::size_t>(std::clamp(std::lround(middle + half), 0L, 255L));
+  GrayDensity density{};
+  for (std::size_t level = first; level <= last; ++level)
+    density[level] = 1.0F / static_cast<float>(last - first + 1);
+  return density;
+}
+
 // `share` of `second` in the sum of both.
 GrayDensity mixed(const GrayDensity& first, const GrayDensity& second, double share) {
   GrayDensity sum;
@@ -103,19 +134,25 @@ GrayModel GrayModel::train(std::span<const LabeledImage> images) {
   for (const LabeledImage& one : images) {
     if (has_color(one.image)) return model;
     cv::Mat near;
+    cv::Mat blurred;
+    cv::Mat sharp;
     cv::Mat middle;
     cv::dilate(one.mask, near, disc_of(kBeside_px));
+    cv::dilate(one.mask, blurred, disc_of(kBlur_px));
+    cv::erode(one.mask, sharp, disc_of(kBlur_px));
     cv::erode(one.mask, middle, disc_of(kRim_px));
     for (int v = 0; v < one.image.rows; ++v) {
       const auto* row = one.image.ptr<cv::Vec3b>(v);
       const auto* mask = one.mask.ptr<unsigned char>(v);
       const auto* next = near.ptr<unsigned char>(v);
+      const auto* blur = blurred.ptr<unsigned char>(v);
+      const auto* clear = sharp.ptr<unsigned char>(v);
       const auto* deep = middle.ptr<unsigned char>(v);
       for (int u = 0; u < one.image.cols; ++u) {
         const std::size_t level = row[u][1];
         ++(mask[u] != 0 ? object : ground)[level];
-        if (mask[u] == 0 && next[u] != 0) ++beside[level];
-        if (mask[u] != 0 && deep[u] == 0) ++rim[level];
+        if (blur[u] == 0 && next[u] != 0) ++beside[level];
+        if (clear[u] != 0 && deep[u] == 0) ++rim[level];
       }
     }
   }
@@ -148,7 +185,7 @@ GrayModel GrayModel::load(ByteReader& in) {
   return model;
 }
 
-GrayEvidence::GrayEvidence(const GrayModel& model) : model_(&model) { set_light({}); }
+GrayEvidence::GrayEvidence(const GrayModel& model) : model_(&model) { set_light(LogColor::Zero()); }
 
 // A light of `gain` times the training's brings each level there: densities are per level of the
 // images to come.
@@ -180,9 +217,17 @@ GrayEvidence::Table GrayEvidence::table_of(const GrayDensity& object,
   return table;
 }
 
+// Each object pixel by its own level; the map's F is a mean of nine, which scatters less.
+void GrayEvidence::take_inside(const GrayDensity& ground) {
+  table_ = table_of(object_, ground);
+  own_against_ = 0;
+  for (std::size_t level = 0; level < kGrayLevels; ++level)
+    if (table_[level] < -ColorModel::kScale) own_against_ += static_cast<double>(object_[level]);
+}
+
 // Where nothing is known of the surroundings: the ground of the training.
 void GrayEvidence::take_training() {
-  table_ = table_of(object_, known_ground_);
+  take_inside(known_ground_);
   at_rim_.tables.fill(table_of(rim_, known_ground_));
 }
 
@@ -235,12 +280,17 @@ void GrayEvidence::surround(const cv::Mat& image, const Ellipse& expected, const
   }
   if (samples < kFewestRing) return take_training();
   const GrayDensity whole = smoothed_density(all);
-  table_ = table_of(object_, mixed(known_ground_, whole, kLocal));
+  take_inside(mixed(known_ground_, whole, kLocalInside));
   const GrayDensity ground = mixed(known_ground_, whole, kLocal - kOfSector);
+  const double at_rim = mean_level(rim_);
   for (std::size_t k = 0; k < kSectors; ++k) {
     const GrayDensity of_sector =
         ring.samples[k] < kFewestSector ? whole : smoothed_density(ring.counts[k]);
-    at_rim_.tables[k] = table_of(rim_, mixed(ground, of_sector, kOfSector));
+    const double at_ground = mean_level(of_sector);
+    const double between = (at_rim + at_ground) / 2;
+    at_rim_.tables[k] = table_of(
+        mixed(rim_, evenly(between, at_rim), kBlurShare),
+        mixed(mixed(ground, of_sector, kOfSector), evenly(at_ground, between), kBlurShare));
   }
 }
 

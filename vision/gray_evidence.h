@@ -48,6 +48,7 @@ class GrayEvidence : public EvidenceSource {
             std::int8_t* to) const override;
   void set_light(const LogColor& gains) override;
   EvidenceSource* rim() override { return &at_rim_; }
+  double own_against() const override { return own_against_; }
 
  private:
   using Table = std::array<std::int8_t, kGrayLevels>;
@@ -82,12 +83,14 @@ class GrayEvidence : public EvidenceSource {
                unsigned char self) const;
   Table table_of(const GrayDensity& object, const GrayDensity& ground) const;
   void take_training();
+  void take_inside(const GrayDensity& ground);
   const GrayModel* model_;
   // Densities in the light of the images to come.
   GrayDensity object_{};
   GrayDensity rim_{};
   GrayDensity known_ground_{};
   Table table_{};
+  double own_against_ = 0;
   Rim at_rim_;
 };
 

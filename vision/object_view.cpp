@@ -82,7 +82,8 @@ void ObjectView::count_support(const Ellipse& ellipse, Observation& observation)
     }
   }
   observation.support = static_cast<double>(for_it) / std::max(count, 1);
-  observation.against = static_cast<double>(against) / std::max(count, 1);
+  observation.against =
+      std::max(static_cast<double>(against) / std::max(count, 1) - source_->own_against(), 0.0);
   observation.evidence = static_cast<double>(sum) / (std::max(count, 1) * Evidence::kScale);
 }
 
