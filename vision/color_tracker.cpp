@@ -47,6 +47,9 @@ constexpr double kJudgedRim = 0.45;
 // needs no second one.
 constexpr double kRough = 4.0;
 constexpr double kSure = 0.8;
+// Correlation of the picture where something was found, then and now, from which nothing has left
+// that place.
+constexpr double kUnchanged = 0.9;
 constexpr double kCenterSigma = 5.0;  // px, of the predicted center
 // A look by which the light may be learnt: least shares of the rim and of colors for it, and the
 // largest of colors against it.
@@ -147,6 +150,7 @@ struct ColorTracker::State : TrackMemory {
   void find(const cv::Mat& image, const Observation& seen);
   void confirm(const cv::Mat& image, const Judged& look, Track& track);
   bool moved(const cv::Mat& image, const Judged& look) const;
+  GroundRing place_found(const cv::Mat& image) const;
   void drop_candidate();
   bool in_image(const Ellipse& e) const;
   void report(const cv::Mat& image, const Judged& look, Track& track);
@@ -295,7 +299,9 @@ void ColorTracker::State::find(const cv::Mat& image, const Observation& seen) {
   found_px = e.center_px;
   heading_odds = 0;
   last_center_worth = last_shape_worth = 1;
+  found_reach_px = e.semi_major_px;
   found_ground = GroundRing(image, e);
+  found_place = place_found(image);
 }
 
 void ColorTracker::State::report(const cv::Mat& image, const Judged& look, Track& track) {
@@ -349,13 +355,22 @@ void ColorTracker::State::learn_light(const cv::Mat& image, const Judged& look) 
   light.seen(model.light, image, seen.measured->ellipse);
 }
 
+// Where it was found: circles that cross the rim of an object of that size.
+GroundRing ColorTracker::State::place_found(const cv::Mat& image) const {
+  const double thin = found_reach_px * trained_axes().y() / trained_axes().x();
+  return {image, found_px, thin};
+}
+
 // Against the ground: what stands still on a ground that stands still, or moves with one that
-// moves, may be a part of it.
+// moves, may be a part of it. Rings are of one radius, or they are of different ground. A part of
+// the ground that has no outline of its own is looked at here and there, in one size and another,
+// over pixels that stay as they are.
 bool ColorTracker::State::moved(const cv::Mat& image, const Judged& look) const {
   const double sigma = std::sqrt(calibrated(look).covariance.topLeftCorner<2, 2>().trace() / 2);
-  const double way = (look.seen.measured->ellipse.center_px - found_px).norm();
-  return way > std::max(settings.moved_px, 4 * sigma) &&
-         !found_ground.same_ground(GroundRing(image, look.seen.measured->ellipse));
+  const Eigen::Vector2d& now = look.seen.measured->ellipse.center_px;
+  if ((now - found_px).norm() <= std::max(settings.moved_px, 4 * sigma)) return false;
+  if (found_place.same_ground(place_found(image), kUnchanged)) return false;
+  return !found_ground.same_ground(GroundRing(image, {now, found_reach_px, 1, 0}));
 }
 
 // One more frame agrees with a new find. It is believed when enough do, and, of a ground that the

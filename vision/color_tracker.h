@@ -68,6 +68,8 @@ struct TrackMemory {
   int agreed = 0;                          ///< frames of a new find that is not believed yet
   Eigen::Vector2d found_px{0, 0};          ///< where it was found
   GroundRing found_ground;                 ///< and the ground around it then
+  GroundRing found_place;                  ///< and its own rim there
+  double found_reach_px = 0;               ///< its long semi-axis then
   double margin = 0;                       ///< least of its frames, as Track::margin
   double heading = 0;       ///< rad: of the two along the major axis the one that is followed
   double heading_odds = 0;  ///< log odds of it against the opposite one
