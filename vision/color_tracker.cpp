@@ -355,7 +355,8 @@ void ColorTracker::State::learn_light(const cv::Mat& image, const Judged& look) 
   light.seen(model.light, image, seen.measured->ellipse);
 }
 
-// Where it was found: circles that cross the rim of an object of that size.
+// Where it was found: circles that cross the rim of an object of that size. What has nothing to
+// tell there has no rim.
 GroundRing ColorTracker::State::place_found(const cv::Mat& image) const {
   const double thin = found_reach_px * trained_axes().y() / trained_axes().x();
   return {image, found_px, thin};
@@ -369,7 +370,7 @@ bool ColorTracker::State::moved(const cv::Mat& image, const Judged& look) const 
   const double sigma = std::sqrt(calibrated(look).covariance.topLeftCorner<2, 2>().trace() / 2);
   const Eigen::Vector2d& now = look.seen.measured->ellipse.center_px;
   if ((now - found_px).norm() <= std::max(settings.moved_px, 4 * sigma)) return false;
-  if (found_place.same_ground(place_found(image), kUnchanged)) return false;
+  if (!found_place.tells() || found_place.same_ground(place_found(image), kUnchanged)) return false;
   return !found_ground.same_ground(GroundRing(image, {now, found_reach_px, 1, 0}));
 }
 

@@ -25,6 +25,8 @@ class GroundRing {
   /// moved. False where there is no structure to tell, or their correlation is not above `least`.
   bool same_ground(const GroundRing& later, double least = kSame) const;
   static constexpr double kSame = 0.75;
+  /// Whether there is structure to tell by: it is at least like itself.
+  bool tells() const { return same_ground(*this); }
 
  private:
   std::array<float, kSamples> gray_{};
