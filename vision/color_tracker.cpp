@@ -300,6 +300,7 @@ void ColorTracker::State::find(const cv::Mat& image, const Observation& seen) {
   heading_odds = 0;
   last_center_worth = last_shape_worth = 1;
   found_reach_px = e.semi_major_px;
+  found_doubtful = false;
   found_ground = GroundRing(image, e);
   found_place = place_found(image);
 }
@@ -382,7 +383,9 @@ void ColorTracker::State::confirm(const cv::Mat& image, const Judged& look, Trac
   const FalseBelief::Asked& asked = asked_of(look.seen.measured->ellipse);
   margin = std::min(margin, look.worth.likeness - asked.most_likeness);
   track.margin = margin;
-  const bool sure = asked.answered == 0 || margin > settings.sure_margin;
+  // A look at a part of the ground may grow out of the size for which the audit took it.
+  found_doubtful = found_doubtful || asked.answered > 0;
+  const bool sure = !found_doubtful || margin > settings.sure_margin;
   if (agreed >= settings.confirm_frames && (sure || moved(image, look)))
     report(image, look, track);
   else

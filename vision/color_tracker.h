@@ -70,6 +70,7 @@ struct TrackMemory {
   GroundRing found_ground;                 ///< and the ground around it then
   GroundRing found_place;                  ///< and its own rim there
   double found_reach_px = 0;               ///< its long semi-axis then
+  bool found_doubtful = false;             ///< the audit took anything of a size that it had since
   double margin = 0;                       ///< least of its frames, as Track::margin
   double heading = 0;       ///< rad: of the two along the major axis the one that is followed
   double heading_odds = 0;  ///< log odds of it against the opposite one
