@@ -432,7 +432,10 @@ void ColorTracker::State::hold_axes(const cv::Mat& image, const Owned& owned, co
                            settings.view.angle_sigma + 0.03 * unseen};
   const Observation held =
       view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
-  if (good(held, start, axes_px, settings.jump_px + more, settings.min_inliers)) look.seen = held;
+  // Of a rim that does not let itself be held: as it was measured.
+  if (good(held, start, axes_px, settings.jump_px + more, settings.min_inliers) &&
+      worth_of(held).likeness >= settings.min_likeness)
+    look.seen = held;
 }
 
 // What makes looks err lasts for some images, and what sixteen looks in memory say of one scatters:
