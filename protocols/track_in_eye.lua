@@ -144,11 +144,12 @@ return {
       end
     end
     local frames = {}
-    color_scene.watch(rig, run, color_scene.legs(p.legs), p.speed, function(frame)
+    color_scene.watch(rig, run, color_scene.legs(p.legs), p.speed, function(frame, arriving)
       local looked = { time = frame.time, tracks = {} }
       for i, one in ipairs(all) do
         looked.tracks[i] = one.tracker:update(frame.image).tracks[1]
       end
+      if arriving then return end
       frames[#frames + 1] = looked
       if #frames % 60 == 1 then looked.image = frame.image end
     end)

@@ -48,11 +48,12 @@ return {
       legs[k] = { points = { from, to }, axis = vector(math.cos(turn), math.sin(turn), 0) }
     end
     local frames = {}
-    color_scene.watch(rig, run, legs, p.speed, function(frame)
+    color_scene.watch(rig, run, legs, p.speed, function(frame, arriving)
       local looked = { time = frame.time, tracks = {} }
       for i, one in ipairs(found) do
         looked.tracks[i] = one.tracker:update(frame.image).tracks[1]
       end
+      if arriving then return end
       frames[#frames + 1] = looked
       if #frames % 20 == 0 then looked.image = frame.image end
     end)

@@ -34,12 +34,22 @@ constexpr double kAxesSigma = 1.0;   // px, of semi-axes against their slow mean
 // Of an axis' excess over its slow mean, the standard deviation that it stands for in the center:
 // what lengthens an axis moves one end of it.
 constexpr double kOneEnd = 0.4;
+// Excess of an axis in one image from which something continues the object's rim, relative: then it
+// is measured again with its axes held, to which standard deviation (relative too). A body changes
+// by a percent an image, and a slow mean follows that.
+constexpr double kSudden = 0.06;
+constexpr double kHeldAxes = 0.01;
+// A center that is not known to this share of the short semi-axis is none.
+constexpr double kVaguest = 1.0 / 6;
 // Inlier fraction above which the rim is visible enough for its inside to be judged.
 constexpr double kJudgedRim = 0.45;
 // A measurement from a rough position that ends this near to it (px) with this inlier fraction
 // needs no second one.
 constexpr double kRough = 4.0;
 constexpr double kSure = 0.8;
+// Correlation of the picture where something was found, then and now, from which nothing has left
+// that place.
+constexpr double kUnchanged = 0.9;
 constexpr double kCenterSigma = 5.0;  // px, of the predicted center
 // A look by which the light may be learnt: least shares of the rim and of colors for it, and the
 // largest of colors against it.
@@ -107,6 +117,7 @@ struct ColorTracker::State : TrackMemory {
   struct Judged {
     Observation seen;
     LookWorth worth;
+    Eigen::Vector2d free_axes_px{0, 0};  // as they were measured before they were held
   };
   State(ObjectModel learnt, const ColorTrackerSettings& chosen)
       : model(std::move(learnt)),
@@ -127,12 +138,19 @@ struct ColorTracker::State : TrackMemory {
   bool good(const Observation& seen, const Ellipse& start, const Eigen::Vector2d& axes, double jump,
             double inliers) const;
   LookWorth worth_of(const Observation& seen) const;
+  bool look_near(const cv::Mat& image, const Owned& owned, const Ellipse& start, bool from_front,
+                 Judged& look);
+  void hold_axes(const cv::Mat& image, const Owned& owned, const Ellipse& start, bool from_front,
+                 Judged& look);
+  bool vague(const Judged& look) const;
+  void weigh_with_last(LookWorth& worth);
   int look_at(const cv::Mat& image, const Owned& owned, Ellipse start, const Eigen::Vector2d& axes,
               int looks, Observation& seen);
   void follow(const Ellipse& e, double inliers);
   void find(const cv::Mat& image, const Observation& seen);
   void confirm(const cv::Mat& image, const Judged& look, Track& track);
   bool moved(const cv::Mat& image, const Judged& look) const;
+  GroundRing place_found(const cv::Mat& image) const;
   void drop_candidate();
   bool in_image(const Ellipse& e) const;
   void report(const cv::Mat& image, const Judged& look, Track& track);
@@ -237,8 +255,7 @@ EllipseMeasurement ColorTracker::State::calibrated(const Judged& look) const {
       Eigen::Vector3d::Constant(std::sqrt(look.worth.shape));
   result.covariance =
       scale.asDiagonal() * (raw.covariance + calibration.covariance) * scale.asDiagonal();
-  const Eigen::Vector2d excess =
-      kOneEnd * (Eigen::Vector2d(raw.ellipse.semi_major_px, raw.ellipse.semi_minor_px) - axes_px);
+  const Eigen::Vector2d excess = kOneEnd * (look.free_axes_px - axes_px);
   const double c = std::cos(raw.ellipse.angle);
   const double s = std::sin(raw.ellipse.angle);
   const Eigen::Matrix2d axes = (Eigen::Matrix2d() << c, -s, s, c).finished();
@@ -281,7 +298,11 @@ void ColorTracker::State::find(const cv::Mat& image, const Observation& seen) {
   unseen = 0;
   found_px = e.center_px;
   heading_odds = 0;
+  last_center_worth = last_shape_worth = 1;
+  found_reach_px = e.semi_major_px;
+  found_doubtful = false;
   found_ground = GroundRing(image, e);
+  found_place = place_found(image);
 }
 
 void ColorTracker::State::report(const cv::Mat& image, const Judged& look, Track& track) {
@@ -335,13 +356,23 @@ void ColorTracker::State::learn_light(const cv::Mat& image, const Judged& look) 
   light.seen(model.light, image, seen.measured->ellipse);
 }
 
+// Where it was found: circles that cross the rim of an object of that size. What has nothing to
+// tell there has no rim.
+GroundRing ColorTracker::State::place_found(const cv::Mat& image) const {
+  const double thin = found_reach_px * trained_axes().y() / trained_axes().x();
+  return {image, found_px, thin};
+}
+
 // Against the ground: what stands still on a ground that stands still, or moves with one that
-// moves, may be a part of it.
+// moves, may be a part of it. Rings are of one radius, or they are of different ground. A part of
+// the ground that has no outline of its own is looked at here and there, in one size and another,
+// over pixels that stay as they are.
 bool ColorTracker::State::moved(const cv::Mat& image, const Judged& look) const {
   const double sigma = std::sqrt(calibrated(look).covariance.topLeftCorner<2, 2>().trace() / 2);
-  const double way = (look.seen.measured->ellipse.center_px - found_px).norm();
-  return way > std::max(settings.moved_px, 4 * sigma) &&
-         !found_ground.same_ground(GroundRing(image, look.seen.measured->ellipse));
+  const Eigen::Vector2d& now = look.seen.measured->ellipse.center_px;
+  if ((now - found_px).norm() <= std::max(settings.moved_px, 4 * sigma)) return false;
+  if (!found_place.tells() || found_place.same_ground(place_found(image), kUnchanged)) return false;
+  return !found_ground.same_ground(GroundRing(image, {now, found_reach_px, 1, 0}));
 }
 
 // One more frame agrees with a new find. It is believed when enough do, and, of a ground that the
@@ -352,7 +383,9 @@ void ColorTracker::State::confirm(const cv::Mat& image, const Judged& look, Trac
   const FalseBelief::Asked& asked = asked_of(look.seen.measured->ellipse);
   margin = std::min(margin, look.worth.likeness - asked.most_likeness);
   track.margin = margin;
-  const bool sure = asked.answered == 0 || margin > settings.sure_margin;
+  // A look at a part of the ground may grow out of the size for which the audit took it.
+  found_doubtful = found_doubtful || asked.answered > 0;
+  const bool sure = !found_doubtful || margin > settings.sure_margin;
   if (agreed >= settings.confirm_frames && (sure || moved(image, look)))
     report(image, look, track);
   else
@@ -370,7 +403,61 @@ void ColorTracker::State::drop_candidate() {
   turn = 0;
 }
 
-// One measurement at the prediction; gate, jump and prior widen with every frame without one.
+// A measurement near `start` that passes the gates; gate, jump and prior widen with every frame
+// without one.
+bool ColorTracker::State::look_near(const cv::Mat& image, const Owned& owned, const Ellipse& start,
+                                    bool from_front, Judged& look) {
+  // px, by which the position is less certain.
+  const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
+  const EllipsePrior prior{start, kCenterSigma + more, kAxesSigma,
+                           settings.view.angle_sigma + 0.03 * unseen};
+  look.seen = view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
+  if (!good(look.seen, start, axes_px, settings.jump_px + more, settings.min_inliers)) return false;
+  const Ellipse& e = look.seen.measured->ellipse;
+  look.free_axes_px = {e.semi_major_px, e.semi_minor_px};
+  if (settings.view.refine) hold_axes(image, owned, start, from_front, look);
+  look.worth = worth_of(look.seen);
+  return true;
+}
+
+// A vessel, or a shadow in a weak light, that continues one end of the rim lengthens the ellipse
+// all at once, and moves its center by about as much. With the axes as they were the normals there
+// are outliers, which the fit leaves out. What the axes were without it stays in the covariance and
+// in their slow mean, so that a body that does change is followed.
+void ColorTracker::State::hold_axes(const cv::Mat& image, const Owned& owned, const Ellipse& start,
+                                    bool from_front, Judged& look) {
+  if (((look.free_axes_px - axes_px).array() < kSudden * axes_px.array()).all()) return;
+  const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
+  const EllipsePrior prior{start, kCenterSigma + more, kHeldAxes * axes_px.y(),
+                           settings.view.angle_sigma + 0.03 * unseen};
+  const Observation held =
+      view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
+  // Of a rim that does not let itself be held: as it was measured.
+  if (good(held, start, axes_px, settings.jump_px + more, settings.min_inliers) &&
+      worth_of(held).likeness >= settings.min_likeness)
+    look.seen = held;
+}
+
+// What makes looks err lasts for some images, and what sixteen looks in memory say of one scatters:
+// a look that claims to be much better than the last one is believed by half (geometric mean); one
+// that claims to be worse, at once.
+void ColorTracker::State::weigh_with_last(LookWorth& worth) {
+  const LookWorth now = worth;
+  worth.center = std::max(now.center, std::sqrt(now.center * last_center_worth));
+  worth.shape = std::max(now.shape, std::sqrt(now.shape * last_shape_worth));
+  last_center_worth = now.center;
+  last_shape_worth = now.shape;
+}
+
+// Of a look with a rim: by what it says itself, its center may be anywhere in a good part of the
+// object.
+bool ColorTracker::State::vague(const Judged& look) const {
+  if (!settings.view.refine) return false;
+  const double variance = calibrated(look).covariance.topLeftCorner<2, 2>().trace() / 2;
+  return std::sqrt(variance) > kVaguest * axes_px.y();
+}
+
+// One measurement at the prediction.
 // `track.expected` is set whether it is found or not, so that the operator sees where it is
 // searched.
 bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned, Track& track) {
@@ -379,19 +466,17 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
   if (!in_image(start)) return false;
   const bool is_candidate = agreed > 0;
   const double likeness = is_candidate ? settings.min_likeness_new : settings.min_likeness;
-  // px, by which the position is less certain.
-  const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
-  const EllipsePrior prior{start, kCenterSigma + more, kAxesSigma,
-                           settings.view.angle_sigma + 0.03 * unseen};
   // A vessel may have led the front astray: then the rim is searched at the prediction instead.
   for (const bool from_front : {true, false}) {
-    Judged look{view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front),
-                {}};
-    if (!good(look.seen, start, axes_px, settings.jump_px + more, settings.min_inliers)) continue;
-    look.worth = worth_of(look.seen);
+    Judged look;
+    if (!look_near(image, owned, start, from_front, look)) continue;
     track.likeness = look.worth.likeness;
-    if (track.likeness < likeness) continue;
-    follow(look.seen.measured->ellipse, look.seen.measured->inlier_fraction);
+    if (track.likeness < likeness || vague(look)) continue;
+    weigh_with_last(look.worth);
+    Ellipse followed = look.seen.measured->ellipse;
+    followed.semi_major_px = look.free_axes_px.x();
+    followed.semi_minor_px = look.free_axes_px.y();
+    follow(followed, look.seen.measured->inlier_fraction);
     if (is_candidate)
       confirm(image, look, track);
     else
@@ -401,8 +486,7 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
   return false;
 }
 
-// After the light jumped: the object is where it was expected to be, in one of the lights that it
-// may have now.
+// The object is where it was expected to be, in another one of the lights that it may have now.
 bool ColorTracker::State::near_expected_relit(const cv::Mat& image, const Owned& owned,
                                               Track& track) {
   const LightMemory::Guesses guesses = light.guesses(model.light);
@@ -456,6 +540,8 @@ int ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d&
     Judged look;
     looks -= look_at(image, owned, start, axes, looks, look.seen);
     if (!look.seen.measured) continue;
+    const Ellipse& e = look.seen.measured->ellipse;
+    look.free_axes_px = {e.semi_major_px, e.semi_minor_px};
     look.worth = worth_of(look.seen);
     const double likeness = look.worth.likeness;
     if (!pick.best) {
@@ -543,6 +629,7 @@ void ColorTracker::place(const Ellipse& at) {
   s.believed_axes_px = s.axes_px;
   s.agreed = 0;
   s.heading_odds = 0;
+  s.last_center_worth = s.last_shape_worth = 1;
   s.state = TrackState::tracking;
 }
 
@@ -594,7 +681,11 @@ Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   s.view.set_light(track.light);
   const bool followed = s.state == TrackState::tracking || s.state == TrackState::coasting;
   bool found = (followed || s.agreed > 0) && s.near_expected(image, owned, track);
-  if (!found && followed && s.settings.adapt && s.light.jumped())
+  // In a spot of light the object's own may be neither the one that was learnt nor the ground's.
+  // Not in a frame that is searched as a whole anyway, unless the light jumped: its time is
+  // bounded.
+  if (!found && followed && s.settings.adapt &&
+      (s.light.jumped() || s.unseen < s.settings.coast_frames))
     found = s.near_expected_relit(image, owned, track);
   if (!found) s.drop_candidate();
   if (!found && followed) s.not_seen();

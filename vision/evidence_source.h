@@ -4,6 +4,7 @@
 #pragma once
 
 #include "vision/color_model.h"
+#include "vision/ellipse.h"
 #include "vision/light.h"
 
 #include <opencv2/core/mat.hpp>
@@ -18,10 +19,20 @@ class EvidenceSource {
   /// Called before pixels of `image` (CV_8UC3) within `region` are read, and no others are. The
   /// region may stick out of the image.
   virtual void prepare(const cv::Mat& image, const cv::Rect& region) = 0;
+  /// Called before that where an object is expected in `image`, for what its surroundings say.
+  /// Pixels of `owned` (CV_8UC1 of the image's size, or empty) that are not 0 and not `self` are
+  /// another object's.
+  virtual void surround(const cv::Mat& /*image*/, const Ellipse& /*expected*/,
+                        const cv::Mat& /*owned*/, unsigned char /*self*/) {}
   /// Of `count` pixels of row `v` from column `u` on, every `step`th: ColorModel::kScale F. All lie
   /// in the image.
   virtual void read(const cv::Mat& image, int v, int u, int step, int count,
                     std::int8_t* to) const = 0;
+  /// The source of what decides on the outline, where it is another one; as long as this one lives.
+  virtual EvidenceSource* rim() { return this; }
+  /// Share of the object's own pixels that F clearly gives to the ground (F < -1) where it is
+  /// right: of an object whose shading passes the ground's levels.
+  virtual double own_against() const { return 0; }
   /// Gains of the images to come against those of the training; none at first.
   virtual void set_light(const LogColor& gains) = 0;
 };

@@ -11,7 +11,6 @@ namespace {
 constexpr double kBeyond_px = 9;  // the inner circle of samples, beyond the longer semi-axis
 constexpr double kApart_px = 8;   // and the outer one beyond that
 constexpr double kStructure = 5;  // gray levels, standard deviation
-constexpr double kSame = 0.75;    // correlation
 
 // Mean of all channels over 3 x 3 pixels, at the image's nearest pixel.
 float gray_at(const cv::Mat& image, double u, double v) {
@@ -28,18 +27,21 @@ float gray_at(const cv::Mat& image, double u, double v) {
 }  // namespace
 
 // Two circles, in the image's directions: an ellipse that turns leaves them where they are.
-GroundRing::GroundRing(const cv::Mat& image, const Ellipse& around) {
+GroundRing::GroundRing(const cv::Mat& image, const Ellipse& around)
+    : GroundRing(image, around.center_px, around.semi_major_px + kBeyond_px) {}
+
+GroundRing::GroundRing(const cv::Mat& image, const Eigen::Vector2d& center_px, double radius_px) {
   if (image.cols < 3 || image.rows < 3) return;
   for (int k = 0; k < kSamples; ++k) {
     const double t = 2 * std::numbers::pi * k / (kSamples / 2.0);
-    const double r = around.semi_major_px + kBeyond_px + (k < kSamples / 2 ? 0 : kApart_px);
-    gray_[static_cast<std::size_t>(k)] = gray_at(image, around.center_px.x() + r * std::cos(t),
-                                                 around.center_px.y() + r * std::sin(t));
+    const double r = radius_px + (k < kSamples / 2 ? 0 : kApart_px);
+    gray_[static_cast<std::size_t>(k)] =
+        gray_at(image, center_px.x() + r * std::cos(t), center_px.y() + r * std::sin(t));
   }
 }
 
 // Pearson's correlation: another lamp is no other ground.
-bool GroundRing::same_ground(const GroundRing& later) const {
+bool GroundRing::same_ground(const GroundRing& later, double least) const {
   double a = 0;
   double b = 0;
   double aa = 0;
@@ -54,7 +56,7 @@ bool GroundRing::same_ground(const GroundRing& later) const {
   const double var_a = aa / n - a * a / (n * n);
   const double var_b = bb / n - b * b / (n * n);
   if (std::min(var_a, var_b) < kStructure * kStructure) return false;
-  return (ab / n - a * b / (n * n)) / std::sqrt(var_a * var_b) > kSame;
+  return (ab / n - a * b / (n * n)) / std::sqrt(var_a * var_b) > least;
 }
 
 }  // namespace vitreo::vision

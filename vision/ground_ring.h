@@ -19,9 +19,14 @@ class GroundRing {
   GroundRing() = default;
   /// `image` as ColorTracker::update takes it.
   GroundRing(const cv::Mat& image, const Ellipse& around);
+  /// On circles of `radius_px` and of 8 px more.
+  GroundRing(const cv::Mat& image, const Eigen::Vector2d& center_px, double radius_px);
   /// Whether `later` shows the same ground: then the ellipse's content moved with it, or neither
-  /// moved. False where there is no structure to tell.
-  bool same_ground(const GroundRing& later) const;
+  /// moved. False where there is no structure to tell, or their correlation is not above `least`.
+  bool same_ground(const GroundRing& later, double least = kSame) const;
+  static constexpr double kSame = 0.75;
+  /// Whether there is structure to tell by: it is at least like itself.
+  bool tells() const { return same_ground(*this); }
 
  private:
   std::array<float, kSamples> gray_{};

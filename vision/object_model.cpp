@@ -10,7 +10,7 @@ namespace vitreo::vision {
 namespace {
 
 constexpr std::string_view kObjectMagic = "VTOM";
-constexpr std::uint32_t kObjectVersion = 6;
+constexpr std::uint32_t kObjectVersion = 7;
 constexpr int kFeaturesBefore4 = 9;
 constexpr int kFeaturesBefore6 = 10;
 constexpr int kMostAsked = 1000000;
@@ -93,11 +93,12 @@ int features_in(std::uint32_t version) {
 
 }  // namespace
 
-// Format "VTOM", version 6: image size, mean axes, both calibrations, then color and shape model,
+// Format "VTOM", version 7: image size, mean axes, both calibrations, then color and shape model,
 // each with its length, then the look memory and the audit, which version 1 does not have, then the
 // light, which version 2 does not have either. Before version 4 looks had no size, the audit asked
 // for the trained size alone, and there was no head model; before version 5 no network,
-// before version 6 looks had no unevenness.
+// before version 6 looks had no unevenness, before version 7 gray cameras had no model of their
+// own.
 std::string ObjectModel::save() const {
   ByteWriter out;
   out.text(kObjectMagic);
@@ -116,6 +117,7 @@ std::string ObjectModel::save() const {
   save_part(out, network);
   out.f64(network_thresholds.low);
   out.f64(network_thresholds.high);
+  gray.save(out);
   return out.sealed();
 }
 
@@ -141,6 +143,7 @@ ObjectModel ObjectModel::load(std::string_view bytes) {
   if (version > 2) model.light = load_light(in);
   if (version > 3) model.head = HeadModel::load(in);
   if (version > 4) load_network(in, model);
+  if (version > 6) model.gray = GrayModel::load(in);
   in.end();
   return model;
 }

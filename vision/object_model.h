@@ -4,6 +4,7 @@
 #pragma once
 
 #include "vision/color_model.h"
+#include "vision/gray_evidence.h"
 #include "vision/head_model.h"
 #include "vision/level_set.h"
 #include "vision/light.h"
@@ -65,11 +66,13 @@ struct ObjectModel {
   /// ONNX of learned evidence (learned_evidence.h); empty: the colors alone.
   std::string network;
   Thresholds network_thresholds;  ///< of F with the network's part
+  GrayModel gray;                 ///< known where the training images have no color
   TrainedLight light;             ///< not known in a model saved before it was learnt
 
   /// Of the F that its evidence has.
   const Thresholds& thresholds() const {
-    return network.empty() ? color.weighted_thresholds() : network_thresholds;
+    if (!network.empty()) return network_thresholds;
+    return gray.known ? gray.thresholds : color.weighted_thresholds();
   }
   /// What a person should know before trusting it, a sentence each; none of a good model.
   std::vector<std::string> warnings() const;

@@ -12,9 +12,13 @@ namespace {
 
 // Bound of |F|: a highlight must not outweigh a body.
 constexpr int kMostTableF = static_cast<int>(2.5 * ColorModel::kScale);
-constexpr int kLeastStep = 2;         // px of a cell
-constexpr int kTwoPixels = 4;         // px of a cell from which two of its pixels are read
-constexpr double kFullBox = 0.35;     // mean F over kMostTableF of a box that may be the object
+constexpr int kLeastStep = 2;      // px of a cell
+constexpr int kTwoPixels = 4;      // px of a cell from which two of its pixels are read
+constexpr double kFullBox = 0.35;  // mean F over kMostTableF of a box that may be the object
+// Cells round the object from its long axis on that are to be ground, in semi-minor axes, and what
+// they count against a box: in dim light a wide part of the ground has the object's colors.
+constexpr double kSurround = 0.5;
+constexpr double kSurroundShare = 0.5;
 constexpr double kFarPenalty = 0.15;  // of a full box's score at one image width's distance
 
 }  // namespace
@@ -31,6 +35,8 @@ void ObjectSearch::set_size(const Eigen::Vector2d& semi_axes_px) {
   size_.semi_minor_px = semi_axes_px.y();
   step_ = std::clamp(static_cast<int>(size_.semi_minor_px / 3.5), kLeastStep, 8);
   half_ = std::max(static_cast<int>(std::lround(0.7 * size_.semi_minor_px / step_)), 1);
+  around_ = static_cast<int>(
+      std::lround((size_.semi_major_px + kSurround * size_.semi_minor_px) / step_));
   second_ = step_ >= kTwoPixels ? step_ / 2 : 0;
 }
 
@@ -92,10 +98,27 @@ void ObjectSearch::sum_boxes(int j) {
   for (int i = end; i < columns_; ++i) to[i] = cut(i);
 }
 
-// Mean F of each box over kMostTableF, less a penalty that grows with the distance from `near_px`;
-// -1 for a box that cannot be the object. And the best of each row.
-// So of two equal boxes the one nearer to the last position, or to the middle of the image, is
-// tried first.
+// Mean F over kMostTableF, from -1 to 1, of the cells in the square of `around_` cells either way
+// without those of the box, of sum `box`: -1 where the object stands before ground, a little more
+// by its own ends; 1 in a wide part of the ground that has its colors.
+float ObjectSearch::surround(int i, int j, std::int32_t box) const {
+  const std::ptrdiff_t stride = columns_ + 1;
+  const int left = std::max(i - around_, 0);
+  const int right = std::min(i + around_ + 1, columns_);
+  const int above = std::max(j - around_, 0);
+  const int below = std::min(j + around_ + 1, rows_);
+  const std::int32_t* top = sums_.data() + above * stride;
+  const std::int32_t* bottom = sums_.data() + below * stride;
+  const std::int32_t sum = bottom[right] - top[right] - bottom[left] + top[left] - box;
+  const int side = 2 * half_ + 1;
+  const int count = std::max((right - left) * (below - above) - side * side, 1);
+  return static_cast<float>(sum) / static_cast<float>(count * kMostTableF);
+}
+
+// Mean F of each box over kMostTableF, less what its surroundings have of it, and a penalty that
+// grows with the distance from `near_px`; -1 for a box that cannot be the object. And the best of
+// each row. So of two equal boxes the one nearer to the last position, or to the middle of the
+// image, is tried first.
 void ObjectSearch::score(const Eigen::Vector2d& near_px) {
   const int side = 2 * half_ + 1;
   const float per_box = 1.0F / static_cast<float>(side * side * kMostTableF);
@@ -112,7 +135,9 @@ void ObjectSearch::score(const Eigen::Vector2d& near_px) {
       if (full < static_cast<float>(kFullBox)) continue;
       const float du = static_cast<float>(i * step_ - near_px.x());
       const float dv = static_cast<float>(j * step_ - near_px.y());
-      to[i] = full - per_px * std::sqrt(du * du + dv * dv);
+      const float wide = surround(i, j, boxes_[static_cast<std::size_t>(i)]);
+      to[i] = full - static_cast<float>(kSurroundShare) * (1 + wide) / 2 -
+              per_px * std::sqrt(du * du + dv * dv);
       best = std::max(best, to[i]);
     }
     best_[static_cast<std::size_t>(j)] = best;

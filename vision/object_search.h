@@ -34,11 +34,13 @@ class ObjectSearch {
   void read(const cv::Mat& image, const EvidenceSource& source, const cv::Mat& owned,
             unsigned char self);
   void sum_boxes(int j);
+  float surround(int i, int j, std::int32_t box) const;
   void score(const Eigen::Vector2d& near_px);
   void suppress(int i, int j, int away);
   Ellipse settle(int i, int j) const;
   int step_ = 0;
   int half_ = 0;
+  int around_ = 0;
   int second_ = 0;  // px from a cell's first pixel to its second, right and down; 0: one is read
   Ellipse size_;    // px
   int columns_ = 0;

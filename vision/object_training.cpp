@@ -152,18 +152,35 @@ TrainedLight light_of(const std::vector<KnownObject>& images) {
   return light;
 }
 
+// F of every pixel, natural units.
+cv::Mat f_of(EvidenceSource& source, const cv::Mat& image) {
+  source.prepare(image, {{0, 0}, image.size()});
+  cv::Mat whole(image.size(), CV_8SC1);
+  for (int v = 0; v < image.rows; ++v)
+    source.read(image, v, 0, 1, image.cols, whole.ptr<std::int8_t>(v));
+  cv::Mat f;
+  whole.convertTo(f, CV_32F, 1 / ColorModel::kScale);
+  return f;
+}
+
 // (8.2) on the F that the network has a part in, weighted as that of the colors.
 Thresholds thresholds_with(const ObjectModel& model, std::span<const LabeledImage> images,
                            const ColorModelSettings& settings) {
   LearnedEvidence source(model.color, model.network);
-  const auto evidence = [&source](const cv::Mat& image) {
-    source.prepare(image, {{0, 0}, image.size()});
-    cv::Mat whole(image.size(), CV_8SC1);
-    for (int v = 0; v < image.rows; ++v)
-      source.read(image, v, 0, 1, image.cols, whole.ptr<std::int8_t>(v));
-    cv::Mat f;
-    whole.convertTo(f, CV_32F, 1 / ColorModel::kScale);
-    return f;
+  const auto evidence = [&source](const cv::Mat& image) { return f_of(source, image); };
+  return thresholds_of(images, evidence, settings)[1];
+}
+
+// (8.2) on the F of gray levels, each image's against the ground around its object.
+// thresholds_of() asks for each image once, in their order.
+Thresholds thresholds_gray(const ObjectModel& model, std::span<const LabeledImage> images,
+                           const ColorModelSettings& settings) {
+  GrayEvidence source(model.gray);
+  std::size_t next = 0;
+  const auto evidence = [&](const cv::Mat& image) {
+    const Ellipse object = moments_of(largest_part(images[next++].mask)).ellipse({0, 0});
+    source.surround(image, object, {}, 0);
+    return f_of(source, image);
   };
   return thresholds_of(images, evidence, settings)[1];
 }
@@ -184,6 +201,8 @@ ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
     model.network = network;
     model.network_thresholds = thresholds_with(model, images, color);
   }
+  if (network.empty()) model.gray = GrayModel::train(images);
+  if (model.gray.known) model.gray.thresholds = thresholds_gray(model, images, color);
   const std::vector<KnownObject> whole = whole_masks(images);
   std::vector<cv::Mat> masks;
   for (const KnownObject& one : whole) masks.push_back(one.labeled.mask);

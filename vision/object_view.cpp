@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/object_view.h"
 
+#include "vision/gray_evidence.h"
 #include "vision/learned_evidence.h"
 #include "vision/preconditions.h"
 
@@ -35,8 +36,9 @@ void ObjectViewSettings::check() const {
 }
 
 std::unique_ptr<EvidenceSource> evidence_source(const ObjectModel& model) {
-  if (model.network.empty()) return std::make_unique<ColorEvidence>(model.color);
-  return std::make_unique<LearnedEvidence>(model.color, model.network);
+  if (!model.network.empty()) return std::make_unique<LearnedEvidence>(model.color, model.network);
+  if (model.gray.known) return std::make_unique<GrayEvidence>(model.gray);
+  return std::make_unique<ColorEvidence>(model.color);
 }
 
 ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& settings)
@@ -50,6 +52,7 @@ ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& setti
       rim_(settings.rim) {
   settings.check();
   evidence_.reserve(max_side_px_);
+  if (source_->rim() != source_.get()) rim_evidence_.reserve(max_side_px_);
   level_set_.reserve(max_side_px_);
   front_.reserve(4 * static_cast<std::size_t>(settings.level_set.max_points));
 }
@@ -79,7 +82,8 @@ void ObjectView::count_support(const Ellipse& ellipse, Observation& observation)
     }
   }
   observation.support = static_cast<double>(for_it) / std::max(count, 1);
-  observation.against = static_cast<double>(against) / std::max(count, 1);
+  observation.against =
+      std::max(static_cast<double>(against) / std::max(count, 1) - source_->own_against(), 0.0);
   observation.evidence = static_cast<double>(sum) / (std::max(count, 1) * Evidence::kScale);
 }
 
@@ -117,8 +121,14 @@ Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, d
                                 const EllipsePrior& prior, const Owned& owned, bool from_front) {
   Observation result;
   result.expected_axes_px = {expected.semi_major_px, expected.semi_minor_px};
-  evidence_.look(image, *source_, grown(expected, gate_px), max_side_px_, owned.map, owned.self);
-  level_set_.start(evidence_, expected);
+  source_->surround(image, expected, owned.map, owned.self);
+  const Ellipse gate = grown(expected, gate_px);
+  evidence_.look(image, *source_, gate, max_side_px_, owned.map, owned.self);
+  EvidenceSource* rim_source = source_->rim();
+  const bool other = rim_source != source_.get();
+  if (other) rim_evidence_.look(image, *rim_source, gate, max_side_px_, owned.map, owned.self);
+  const Evidence& at_rim = other ? rim_evidence_ : evidence_;
+  level_set_.start(at_rim, expected);
   level_set_.evolve(thresholds_);
   result.segment = level_set_.keep_largest();
   Ellipse at = result.segment.ellipse;
@@ -140,7 +150,7 @@ Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, d
   const bool like =
       from_front && share > kSmallestShare && share < kLargestShare && at.semi_minor_px > 2;
   if (settings_.refine) {
-    result.measured = rim_.measure(evidence_, like ? at : expected, prior);
+    result.measured = rim_.measure(at_rim, like ? at : expected, prior);
     result.unevenness_px = rim_.unevenness_px();
   } else if (at.semi_minor_px > 1) {
     result.measured =

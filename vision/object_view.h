@@ -25,9 +25,10 @@ struct Observation {
   Eigen::Vector2d expected_axes_px{0, 0};      ///< semi-axes
   Segment segment;
   std::optional<ShapeFit> shape;
-  double support = 0;   ///< share of the measured ellipse's pixels with F > 0 that are not blocked
-  double against = 0;   ///< share of them that are clearly the ground's
-  double evidence = 0;  ///< mean F of them, each within +-4
+  double support = 0;  ///< share of the measured ellipse's pixels with F > 0 that are not blocked
+  /// Share of them that are clearly the ground's, beyond what it is of the object itself.
+  double against = 0;
+  double evidence = 0;       ///< mean F of them, each within +-4
   double unevenness_px = 0;  ///< RadialRim::unevenness_px
   bool leaked = false;
   int iterations = 0;
@@ -37,7 +38,8 @@ struct Observation {
 /// `size`: against the masks.
 LookFeatures features_of(const Observation& seen, double size);
 
-/// Of the model's colors, or of its network where it has one. `model` must outlive it.
+/// Of the model's colors, of its network where it has one, or of gray levels where it has no color.
+/// `model` must outlive it.
 std::unique_ptr<EvidenceSource> evidence_source(const ObjectModel& model);
 
 class ObjectView {
@@ -60,6 +62,7 @@ class ObjectView {
   int max_side_px_;
   std::unique_ptr<EvidenceSource> source_;
   Evidence evidence_;
+  Evidence rim_evidence_;  // where the source has another one for the rim
   LevelSet level_set_;
   RadialRim rim_;
   std::vector<FrontPoint> front_;

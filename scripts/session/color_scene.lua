@@ -73,12 +73,16 @@ function color_scene.training(rig, run, count)
   return made
 end
 
---- Frames while the robot goes round: some paths, each with another direction of its axis. look(frame, outline_later) is called
---- for each; the list of {frame =, ...} that it returns is judged by color_scene.outline afterwards.
+--- Frames while the robot goes round: some paths, each with another direction of its axis. look(frame, arriving) is called for
+--- each. `arriving`: the robot has just been put at the beginning of a path, as no robot gets there by itself. A tracker has to
+--- see these frames, to find it anew and believe its find; they are not to be judged.
 function color_scene.watch(rig, run, legs, speed, look)
   for number, leg in ipairs(legs) do
     local servo <close> = hold(rig, run, leg.points[1], leg.axis)
-    run:wait(0.6 * s)
+    local there = run:now()
+    while run:now() < there + 0.6 * s do
+      look(rig.top_camera:grab(), true)
+    end
     local going = true
     run:together(function()
       servo:follow(leg.points, {
