@@ -415,8 +415,8 @@ bool ColorTracker::State::look_near(const cv::Mat& image, const Owned& owned, co
   if (!good(look.seen, start, axes_px, settings.jump_px + more, settings.min_inliers)) return false;
   const Ellipse& e = look.seen.measured->ellipse;
   look.free_axes_px = {e.semi_major_px, e.semi_minor_px};
-  if (settings.view.refine) hold_axes(image, owned, start, from_front, look);
   look.worth = worth_of(look.seen);
+  if (settings.view.refine) hold_axes(image, owned, start, from_front, look);
   return true;
 }
 
@@ -432,10 +432,12 @@ void ColorTracker::State::hold_axes(const cv::Mat& image, const Owned& owned, co
                            settings.view.angle_sigma + 0.03 * unseen};
   const Observation held =
       view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
-  // Of a rim that does not let itself be held: as it was measured.
-  if (good(held, start, axes_px, settings.jump_px + more, settings.min_inliers) &&
-      worth_of(held).likeness >= settings.min_likeness)
-    look.seen = held;
+  if (!good(held, start, axes_px, settings.jump_px + more, settings.min_inliers)) return;
+  // Whether it is the object the free look says as well; a held rim with something at it is unlike.
+  const double likeness = look.worth.likeness;
+  look.seen = held;
+  look.worth = worth_of(held);
+  look.worth.likeness = std::max(look.worth.likeness, likeness);
 }
 
 // What makes looks err lasts for some images, and what sixteen looks in memory say of one scatters:
