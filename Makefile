@@ -61,9 +61,9 @@ fuzz: setup      ## feed every parser of outside bytes with random ones (SECONDS
 
 SOURCES = $(shell git ls-files -co --exclude-standard '*.cpp' '*.h')
 format:          ## lay out the C++ sources
-	clang-format -i $(SOURCES)
+	@clang-format -i $(SOURCES)
 format-check:    ## fail where the layout differs
-	clang-format --dry-run --Werror $(SOURCES)
+	@clang-format --dry-run --Werror $(SOURCES)
 tidy: setup      ## clang-tidy over our own sources; not by the release's commands, whose precompiled headers are gcc's
 	cmake --preset dev
 	sh cmake/tidy.sh build/dev

@@ -190,7 +190,7 @@ StreamInfo estimate_stream() {
 /// The page and its targets read attitude and view from it, too.
 StreamInfo clearance_stream() {
   return {"clearance",
-          "distance of the robot's surface from the nearest wall, less the half width of its 95 % "
+          "distance of the robot's surface from the nearest wall, less the half width of its 99 % "
           "interval: its bound",
           {{"bound", "m", "lower end of the interval of the nearest wall"},
            {"distance", "m", "from the nearest wall"},

@@ -255,6 +255,18 @@ TEST(Devices, AskingSaysWhatCannotBeAskedAndWhy) {
 }
 
 #ifndef __SANITIZE_ADDRESS__  // umockdev refuses to run beside it
+/// A run among emulated instruments, which answer in real time from a process of their own: a
+/// second and a third time where a busy machine kept one from answering.
+Spoken run_among_emulators(const Workplace& place, const std::string& words) {
+  Spoken spoken = place.vitreo(words);
+  for (int again = 0; again < 2; ++again) {
+    if (spoken.exit_code == 0 || !machine_is_busy()) break;
+    if (spoken.out.find("(timeout)") == std::string::npos) break;
+    spoken = place.vitreo(words);
+  }
+  return spoken;
+}
+
 // The whole way of a person's work: question, hands in the emulated world, answer, photograph.
 TEST(Laboratory, TheEmulatedTechnicianDoesWhatARunAsksForAndTheRunKnowsNoSimulator) {
   const GigePort port;
@@ -273,7 +285,8 @@ return { title = "asks", needs = { "top_camera", "side_camera", "sample" }, run 
   run:result("darker", empty:mean(middle).gray - seen:mean(middle).gray)
   assert(run:samples("truth") == nil, "a truth in the record")
 end })");
-  const Spoken spoken = place.vitreo(kAmongEmulators + "run asks.lua --json --rig " + kLaboratory);
+  const Spoken spoken =
+      run_among_emulators(place, kAmongEmulators + "run asks.lua --json --rig " + kLaboratory);
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   const auto told = nlohmann::json::parse(spoken.out);
   EXPECT_GT(told["results"]["darker"], 1) << "the robot is there";
@@ -330,8 +343,8 @@ TEST(Laboratory, TracesEveryLinkOfARunWhenItIsAskedTo) {
   place.write("idle.lua",
               "return { title = 'idle', needs = { 'stage' }, run = function(rig, p, run)\n"
               "  rig.stage:position()\nend }");
-  const Spoken spoken =
-      place.vitreo(kAmongEmulators + "run idle.lua --trace-links --rig " + kLaboratory);
+  const Spoken spoken = run_among_emulators(
+      place, kAmongEmulators + "run idle.lua --trace-links --rig " + kLaboratory);
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   std::map<std::string, std::string> to, from, address;
   for (const auto& row : nlohmann::json::parse(place.vitreo("show last --links --json").out)) {

@@ -6,10 +6,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include <cstdlib>
 #include <regex>
 #include <sys/stat.h>
-#include <thread>
 
 namespace vitreo {
 namespace {
@@ -22,12 +20,6 @@ bool browser_there() {
   const bool has_page = !std::filesystem::exists(VITREO_PAGE_TEST "/../../page/notice");
   return has_page && there("node") && there("chromium") &&
          std::filesystem::exists(VITREO_PAGE_TEST "/node_modules");
-}
-
-/// Whether more wants to compute here than there are cores.
-bool machine_is_busy() {
-  double load = 0;
-  return getloadavg(&load, 1) == 1 && load > std::thread::hardware_concurrency();
 }
 
 /// A loop that is held up for 250 ms trips its dead-man, rightly; on a busy machine that says

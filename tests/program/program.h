@@ -9,9 +9,17 @@
 #include <sstream>
 #include <string>
 #include <sys/wait.h>
+#include <thread>
 #include <unistd.h>
 
 namespace vitreo {
+
+/// Whether more wants to compute here than there are cores: then what goes at the pace of the wall
+/// clock is late, and that says nothing of the program.
+inline bool machine_is_busy() {
+  double load = 0;
+  return getloadavg(&load, 1) == 1 && load > std::thread::hardware_concurrency();
+}
 
 struct Spoken {
   int exit_code = -1;
