@@ -212,7 +212,13 @@ void Soak::work(std::uint64_t first, int pipe) {
   for (std::uint64_t seed = first, done = 0; seed < request_.first + request_.count;
        ++seed, ++done) {
     SoakedSeed one = run_one(seed);
-    const Footprint now = footprint();
+    Footprint now = footprint();
+    // A thread that was joined is counted for a moment longer: the kernel wakes who waits for it
+    // before it takes its entry away.
+    for (int i = 0; i < 100 && done > 0 && now.threads > base.threads; ++i) {
+      std::this_thread::sleep_for(10ms);
+      now = footprint();
+    }
     // Heap: the largest of the first runs; descriptors and threads: those of the first.
     if (done < kWarmUp) {
       base.heap = std::max(base.heap, now.heap);
