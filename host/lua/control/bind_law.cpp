@@ -96,6 +96,16 @@ Argument gain(const char* name, const char* unit, double max, const char* help) 
   return number_option(name, unit, 0, max, help);
 }
 
+/// Of the laws whose fields drive: both steer by the velocity that they ask for.
+Argument velocity_per_distance() {
+  return gain("proportional", "1/s", 100, "velocity per distance (by the delay)");
+}
+Argument most_correction() {
+  return gain("max_speed", "m/s", 0.1,
+              "largest velocity asked for because of an error of position (the robot's sink "
+              "speed, 0.5 to 5 mm/s)");
+}
+
 }  // namespace
 
 std::vector<Binding> law_functions() {
@@ -144,10 +154,8 @@ std::vector<Binding> law_functions() {
              .min = 0.01,
              .max = 200,
              .help = "fastest (0.7 of the believed step-out, within what the coils can do)"},
-            gain("proportional", "1/s", 100, "velocity per distance (by the delay)"),
-            gain("max_speed", "m/s", 0.1,
-                 "largest velocity asked for because of an error of position (the robot's sink "
-                 "speed, 0.5 to 5 mm/s)"),
+            velocity_per_distance(),
+            most_correction(),
             {.name = "recover",
              .type = Type::flag,
              .optional = true,
@@ -182,10 +190,8 @@ std::vector<Binding> law_functions() {
              .min = 0.01,
              .max = 200,
              .help = "fastest (that of the curve's highest speed, within what the coils can do)"},
-            gain("proportional", "1/s", 100, "velocity per distance (by the delay)"),
-            gain("max_speed", "m/s", 0.1,
-                 "largest velocity asked for because of an error of position (the robot's sink "
-                 "speed, 0.5 to 5 mm/s)")})},
+            velocity_per_distance(),
+            most_correction()})},
        "control_law",
        "position control of a swimmer with a flexible tail: the field swings in a plane about the "
        "direction to swim, and the frequency gives the speed",
