@@ -19,6 +19,7 @@ constexpr double kBlind = 1.5;         // s without an estimate: the usual lost_
 constexpr double kTolerance = 0.1e-3;  // m: of the believed walls against the true ones
 constexpr double kNearFor = 0.5;       // s
 constexpr double kClearFor = 1.0;      // s, before a robot counts as one that was clear
+constexpr double kPutAway = 1e-3;      // m, from row to row of the truth: no coil moves it so
 
 // Streams of places begin with x, y, z: the record's own order (host/servo/servo_record.cpp). NaN
 // where the loop did not see the robot, or it is not in the eye.
@@ -102,6 +103,38 @@ bool may_touch(const std::vector<Event>& events, Time time) {
   return touch;
 }
 
+/// The spans after the robot was put elsewhere while a sensor repeated an older place.
+class PutUnseen {
+ public:
+  PutUnseen(const Stream* truth, const std::vector<Event>* events) {
+    if (truth == nullptr || events == nullptr) return;
+    for (const Event& event : *events) {
+      if (!event.text.ends_with(" stale") && event.text.find(" stale ") == std::string::npos)
+        continue;
+      if (event.kind == "fault") repeats_.push_back({event.time, Time::max()});
+      if (event.kind == "fault over" && !repeats_.empty()) repeats_.back().until = event.time;
+    }
+    for (Span& span : repeats_) span.from = put_within(*truth, span);
+  }
+  bool at(Time time) const {
+    return std::any_of(repeats_.begin(), repeats_.end(),
+                       [&](const Span& one) { return one.from <= time && time < one.until; });
+  }
+
+ private:
+  struct Span {
+    Time from, until;
+  };
+  static Time put_within(const Stream& truth, const Span& span) {
+    for (std::size_t row = 1; row < truth.times.size(); ++row)
+      if (truth.times[row] >= span.from && truth.times[row] < span.until &&
+          (place(truth, row) - place(truth, row - 1)).norm() > kPutAway)
+        return truth.times[row - 1];
+    return span.until;
+  }
+  std::vector<Span> repeats_;
+};
+
 /// Of a loop that estimates: its newest estimate is old while it steers.
 void check_blind(const Recorder& recorder, std::vector<std::string>& found) {
   const Stream* const estimate = recorder.stream("estimate");
@@ -132,6 +165,7 @@ void check_nearness(const Recorder& recorder, OpenRig& rig, std::vector<std::str
   // The believed walls and any attitude of the body, at the true place and without its covariance:
   // what is left is the eye's own uncertainty, for which kTolerance stands.
   const RobotClearance surface(rig.rig().model, ClearanceBelief{});
+  const PutUnseen unseen(truth, &recorder.events());
   Lasting near;
   double clear = 0;  // s, up to now
   Time before{};
@@ -145,7 +179,7 @@ void check_nearness(const Recorder& recorder, OpenRig& rig, std::vector<std::str
     before = now;
     // A robot that was let go sinks, and one that lay on the retina before it was taken up is near
     // it: neither is the loop's doing.
-    const bool claimed = place(*servo, row).allFinite() && flows(currents, now);
+    const bool claimed = place(*servo, row).allFinite() && flows(currents, now) && !unseen.at(now);
     near.see(claimed && clear > kClearFor && distance < surface.margin() - kTolerance &&
                  !may_touch(recorder.events(), now),
              now, surface.margin() - distance);
@@ -164,6 +198,7 @@ std::vector<std::string> check_claims(const PatientStreams& streams) {
   if (streams.servo == nullptr || streams.truth == nullptr) return found;
   // A frame that is not seen neither ends nor lengthens the span: a loop that sees the robot at the
   // wrong place in every second frame is wrong all the time.
+  const PutUnseen unseen(streams.truth, streams.events);
   Lasting apart;
   for (std::size_t row = 0; row < streams.servo->times.size(); ++row) {
     const Time now = streams.servo->times[row];
@@ -171,7 +206,7 @@ std::vector<std::string> check_claims(const PatientStreams& streams) {
     if (!believed.allFinite()) continue;
     const auto where = place_at(*streams.truth, now);
     const double error = where ? (*where - believed).norm() : 0;
-    apart.see(error > kApart && flows(streams.currents, now), now, error);
+    apart.see(error > kApart && flows(streams.currents, now) && !unseen.at(now), now, error);
   }
   if (apart.longest() >= kApartFor)
     found.push_back(fmt::format(
@@ -181,8 +216,8 @@ std::vector<std::string> check_claims(const PatientStreams& streams) {
 }
 
 std::vector<std::string> check_patient(const Recorder& recorder, OpenRig& rig) {
-  std::vector<std::string> found = check_claims(
-      {recorder.stream("servo"), recorder.stream("truth"), recorder.stream("currents")});
+  std::vector<std::string> found = check_claims({recorder.stream("servo"), recorder.stream("truth"),
+                                                 recorder.stream("currents"), &recorder.events()});
   check_blind(recorder, found);
   check_nearness(recorder, rig, found);
   return found;

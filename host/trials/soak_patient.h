@@ -13,7 +13,9 @@ namespace vitreo {
 /// Violations of one run, while its currents flowed and its loop said that it saw the robot:
 /// belief and truth half a millimeter apart for half a second; a loop that estimates and steers by
 /// no measurement; a surface that was clear of retina and lens and came nearer than the margin.
-/// Reads the record and the simulator's truth.
+/// Reads the record and the simulator's truth. Where the simulator itself puts the robot elsewhere
+/// while a sensor repeats an older place, nothing can know it until the sensor works again: that is
+/// let pass.
 std::vector<std::string> check_patient(const Recorder& recorder, OpenRig& rig);
 
 /// The same of streams, for tests: as the record has them ("servo", "truth", "currents").
@@ -21,6 +23,7 @@ struct PatientStreams {
   const Stream* servo = nullptr;
   const Stream* truth = nullptr;
   const Stream* currents = nullptr;
+  const std::vector<Event>* events = nullptr;
 };
 std::vector<std::string> check_claims(const PatientStreams& streams);
 

@@ -103,7 +103,8 @@ struct SoakPatient : testing::Test {
     return one;
   }
   static std::vector<std::string> found(const Places& believed, const Places& truth,
-                                        const Places& current) {
+                                        const Places& current,
+                                        const std::vector<Event>& events = {}) {
     const Stream servo = stream("servo", {"x", "y", "z"}, [&](double time) {
       return std::vector<double>{believed(time), 0, 0};
     });
@@ -113,7 +114,7 @@ struct SoakPatient : testing::Test {
     const Stream currents = stream("currents", {"i1", "i2"}, [&](double time) {
       return std::vector<double>{0, current(time)};
     });
-    return check_claims({&servo, &real, &currents});
+    return check_claims({&servo, &real, &currents, &events});
   }
   static double at_rest(double) { return 1e-3; }
   static double on(double) { return -2; }
@@ -139,6 +140,19 @@ TEST_F(SoakPatient, CondemnsHalfAMillimeterForHalfASecondWhileCurrentsFlow) {
   EXPECT_TRUE(found(at_rest, away(3, 6), [](double) { return 0.0; }).empty()) << "at zero";
   const auto not_seen = [](double time) { return time > 3 ? std::nan("") : 1e-3; };
   EXPECT_TRUE(found(not_seen, away(3, 6), on).empty()) << "it claims nothing";
+}
+
+TEST_F(SoakPatient, ExcusesALoopWhoseRobotWasPutElsewhereWhileItsSensorRepeated) {
+  const auto put_at_four = [](double time) { return time >= 4 ? 4e-3 : 1e-3; };
+  const std::vector<Event> repeats{{from_seconds(3), "fault", "pose_sensor stale after 0 s"},
+                                   {from_seconds(8), "fault over", "pose_sensor stale"}};
+  EXPECT_EQ(found(at_rest, put_at_four, on).size(), 1U) << "its sensor worked";
+  const auto bad = found(at_rest, put_at_four, on, repeats);
+  ASSERT_EQ(bad.size(), 1U) << "it works again, and is not believed";
+  EXPECT_NE(bad[0].find("from 8.0 s"), std::string::npos) << bad[0];
+  EXPECT_TRUE(found(at_rest, put_at_four, on, {repeats[0]}).empty());
+  const auto carried = [](double time) { return 1e-3 + std::max(0.0, time - 4) * 2e-3; };
+  EXPECT_EQ(found(at_rest, carried, on, {repeats[0]}).size(), 1U) << "the loop's own doing";
 }
 
 TEST(SoakPlan, DrawsMachinesCoilsAndCamerasThatWereMoved) {
