@@ -15,6 +15,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
@@ -47,10 +48,18 @@ struct Page {
   std::atomic<bool> noted{false};
 };
 
-// Of all streams: the promise of the record is about the sum.
-std::uint64_t samples_of(const Recorder& recorder) {
+// Of all streams: the promise of the record is about the sum. What came since the disk is full
+// waits in memory for the end of the run.
+std::uint64_t samples_kept(const Recorder& recorder) {
+  const std::vector<Event>& events = recorder.events();
+  const auto full = std::find_if(events.begin(), events.end(), [](const Event& event) {
+    return event.kind == "fault" && event.text.starts_with("disk full");
+  });
+  const Time until = full == events.end() ? Time::max() : full->time;
   std::uint64_t all = 0;
-  for (const Stream& stream : recorder.streams()) all += stream.times.size();
+  for (const Stream& stream : recorder.streams())
+    all += static_cast<std::uint64_t>(
+        std::lower_bound(stream.times.begin(), stream.times.end(), until) - stream.times.begin());
   return all;
 }
 
@@ -129,7 +138,7 @@ void Soak::disturb(Session& session, const SoakPlan& plan, SoakWitness& witness)
   session.keep(session.clock.spawn("soak", [this, &session, &plan, &witness] {
     session.clock.sleep_until(from_seconds(plan.at));
     if (plan.kill) {
-      page_->samples = samples_of(session.recorder);
+      page_->samples = samples_kept(session.recorder);
       page_->noted = true;
       // Wall time on purpose: the promise is about the disk, not about the run's clock.
       std::this_thread::sleep_for(1s);  // what is promised is what is older than that

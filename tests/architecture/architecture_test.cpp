@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::architecture {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(Architecture, IsKeptByEverySource) {
   const std::filesystem::path root = VITREO_SOURCE_DIR;
@@ -170,5 +170,5 @@ TEST(ArchitectureChecker, WantsAPurposeALicenseAndNothingLeftToDo) {
   expect_good("optics/rays/a.h", "int kTODOs = 0;");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::architecture

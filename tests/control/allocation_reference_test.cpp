@@ -16,7 +16,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 using Real = long double;
@@ -342,5 +342,5 @@ TEST(BoxProgramReference, each_iteration_stays_in_the_box_and_on_the_plane_and_i
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

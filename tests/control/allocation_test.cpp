@@ -14,7 +14,7 @@
 #include <string>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const double kNan = std::numeric_limits<double>::quiet_NaN();
 const double kWeight = coni_2mm().net_weight(Medium{});
@@ -185,5 +185,5 @@ TEST(Allocate, asks_for_nothing_when_nothing_is_wanted) {
   EXPECT_FALSE(result.limited());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -11,7 +11,7 @@
 #include <random>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
@@ -95,5 +95,5 @@ TEST(AttitudeLaw, GoesNoFartherThanItsBound) {
   EXPECT_TRUE(law.correction().allFinite());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

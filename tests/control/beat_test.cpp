@@ -10,7 +10,7 @@
 #include <random>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNoise = 4.3e-6;  // m
 
@@ -74,5 +74,5 @@ TEST(Beat, OfFramesInStepWithItNothingRunsAway) {
   EXPECT_LT(left.rms, 1.5 * kNoise);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -14,7 +14,7 @@
 #include <string>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 using Real = long double;
@@ -352,5 +352,5 @@ TEST(BoxAllocationArguments, condition_refuses_what_is_not_finite) {
                std::domain_error);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 using Real = long double;
@@ -314,5 +314,5 @@ TEST(BoxAllocationLeastNorm, five_degrees_make_torque_across_and_force_with_leas
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

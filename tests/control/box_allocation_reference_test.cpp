@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 using Real = long double;
@@ -331,5 +331,5 @@ TEST(BoxAllocationReference, a_short_rank_alone_costs_something_too) {
   EXPECT_GT(got.iterations, 0);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -16,7 +16,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 const double kWeight = coni_2mm().net_weight(Medium{});
@@ -203,5 +203,5 @@ TEST(AllocateWithin, names_what_is_wrong) {
                std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const EyeCavity kEye;
 const samples::Eye kSampledEye;
@@ -166,5 +166,5 @@ TEST(Clearance, RefusesWhatIsNoPose) {
                std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

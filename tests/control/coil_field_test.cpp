@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -274,5 +274,5 @@ TEST(CoilField, refuses_what_is_no_set_of_coils) {
   EXPECT_THROW(one.perturbed({-1, 0, 0}, random), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

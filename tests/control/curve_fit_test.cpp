@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const CurveSamples kNorris{
     {0.2, 337.4, 118.2, 884.6, 10.1,  226.5, 666.3, 996.3, 448.6, 777.0, 558.2, 0.4,
@@ -133,5 +133,5 @@ TEST(CurveFit, RefusesWhatItCannotFitAndLetsTheCurvesErrorsPass) {
       << "two parameters that do the same";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -303,5 +303,5 @@ TEST(PositionEstimatorPromises, without_lag_a_command_acts_at_once_and_wholly) {
   EXPECT_EQ(estimator.at(1.375)->unexplained(), Vector3d(0, 0, 0));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

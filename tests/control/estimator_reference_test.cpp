@@ -3,7 +3,7 @@
 #include "tests/control/estimator_reference.h"
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -219,5 +219,5 @@ TEST(PositionEstimatorReference, starts_anew_after_max_age) {
   for (int k = 0; k < 8; ++k) pair.step(pair.next());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

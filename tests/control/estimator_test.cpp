@@ -13,7 +13,7 @@
 #include <string>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -314,5 +314,5 @@ TEST(PositionEstimator, an_uneven_covariance_of_a_measurement_does_not_grow_into
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

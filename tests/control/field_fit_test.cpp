@@ -14,7 +14,7 @@
 #include <string>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::vector<ProbeReading> readings_of(const CoilField& truth, const Eigen::Vector3d& background,
                                       double noise, int count, std::mt19937_64& random) {
@@ -100,5 +100,5 @@ TEST(FitDipoles, names_what_is_wrong_with_the_readings) {
   EXPECT_EQ(complaint({good.begin(), good.begin() + 10}), "readings: 10 given, at least 17 needed");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -17,7 +17,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kFrame = 1 / 15.0;  // s
 constexpr double kDelay = 0.06;      // s
@@ -186,5 +186,5 @@ TEST(FieldIdentification, TooLittleMotionAndBadNumbersAreRefused) {
   EXPECT_THROW(identify_field(believed, robot, {}, {}, kDelay, doubt), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -11,7 +11,7 @@
 #include <numbers>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 constexpr double kEta = 0.485;  // Pa s
@@ -104,5 +104,5 @@ TEST(Helix, NamesWhatIsWrong) {
   EXPECT_THROW(helix_resistance(Helix{}, 0), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// After 4000 innovations v' = a v + noise, whose true covariance is `true_over_said` squared times
 /// the one said.
@@ -50,5 +50,5 @@ TEST(InnovationStatistics, SayNothingBeforeTheFirst) {
   EXPECT_THROW(InnovationStatistics(0), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

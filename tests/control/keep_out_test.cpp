@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const KeepOut kSettings;
 const BodySurface kBody = surface_of(coni_2mm());
@@ -66,5 +66,5 @@ TEST(KeepOut, NamesTheSettingThatIsWrong) {
   EXPECT_THROW(settings.check(), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

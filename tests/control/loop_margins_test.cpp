@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 double db(double factor) { return 20 * std::log10(factor); }
 
@@ -86,5 +86,5 @@ TEST(LoopMargins, NamesWhatIsWrong) {
   EXPECT_THROW(spectral_radius({}, 1, -1), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

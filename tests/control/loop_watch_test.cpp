@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kPeriod = 1 / 15.0;
 constexpr double kNoise = 4.3e-6;
@@ -282,5 +282,5 @@ TEST(CoilWatch, HealthyCoilsGiveNoEvidence) {
   EXPECT_LT(most, 25);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

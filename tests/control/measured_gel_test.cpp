@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // What a rheometer does: a small force that oscillates, and the motion of the body that it moves.
 // Below the yield surface F = (k + i w c) x with k = 6 pi G' r and c = 6 pi eta_s r, so the ratio
@@ -67,5 +67,5 @@ TEST(MeasuredGel, ItsTextIsAGelByName) {
   EXPECT_THROW(gel_named("gel of G' nan Pa and G'' 3 Pa at 1 Hz"), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

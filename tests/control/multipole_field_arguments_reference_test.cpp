@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 using Sources = MultipoleField::Sources;
@@ -217,5 +217,5 @@ TEST(MultipoleFieldArguments, takes_the_position_of_a_regular_source) {
   EXPECT_TRUE(here.field().matrix(own).allFinite());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 using Real = long double;
@@ -288,5 +288,5 @@ TEST(MultipoleFieldReference, keeps_what_it_was_given) {
   expect_same(none.matrix(kPlace).col(1), expected(coils[0], kPlace), 1e-11);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

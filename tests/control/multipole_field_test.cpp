@@ -16,7 +16,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const Region kCube{Eigen::Vector3d::Constant(-10e-3), Eigen::Vector3d::Constant(10e-3)};
 const Region kWide{Eigen::Vector3d::Constant(-1), Eigen::Vector3d::Constant(1)};
@@ -207,5 +207,5 @@ TEST(FieldModel, takes_either_kind_and_adds_the_background) {
                std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -12,7 +12,7 @@
 #include <string>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const Region kBox{Eigen::Vector3d::Constant(-12e-3), Eigen::Vector3d::Constant(12e-3)};
 
@@ -138,5 +138,5 @@ TEST(FitMultipoles, names_what_is_wrong) {
   EXPECT_THROW(multipoles_like(CoilField::octomag(), 0, kBox), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kTurn = 2 * std::numbers::pi;
 
@@ -176,5 +176,5 @@ TEST_F(Beating, NeverBackwardsButRound) {
   EXPECT_NEAR(swim_at({-60e-6, 0, 0}, axis).velocity.x(), -60e-6, 1e-12);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

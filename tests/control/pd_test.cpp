@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const double kNan = std::numeric_limits<double>::quiet_NaN();
 const Eigen::Vector3d kZero = Eigen::Vector3d::Zero();
@@ -130,5 +130,5 @@ TEST(PdController, brings_a_delayed_robot_to_the_reference_with_its_default_gain
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

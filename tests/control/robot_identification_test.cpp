@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const Eigen::Vector3d kAlongX(1, 0, 0);
 const Eigen::Vector3d kDown(0, 0, -1);
@@ -113,5 +113,5 @@ TEST(RobotIdentification, WhatCannotBeToldIsRefusedByName) {
   EXPECT_THROW(identify_fall({early}, kDown, 0), std::domain_error);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

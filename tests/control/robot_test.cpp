@@ -12,7 +12,7 @@
 #include <string>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 Robot sphere(double radius) {
   return {"sphere",
@@ -136,5 +136,5 @@ TEST(Robot, names_the_parameter_that_cannot_be) {
   EXPECT_THROW(static_cast<void>(coni_2mm().moment(-1)), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -14,7 +14,7 @@
 #include <string>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kMu0 = 4e-7 * std::numbers::pi;
 
@@ -128,5 +128,5 @@ TEST(SoftMoment, has_no_more_torque_than_the_anisotropy_allows) {
   EXPECT_THROW(soft_moment({0, 1, {0.3, 0.3, 0.4}}, {1, 0, 0}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

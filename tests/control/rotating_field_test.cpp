@@ -13,7 +13,7 @@
 #include <numbers>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kLag = 1 / (kTurn * 15);  // s: coils of 15 Hz
@@ -197,5 +197,5 @@ TEST(FluidRolling, FallsWithTheGapAndMeetsWhereTheFormsDo) {
   EXPECT_THROW(fluid_rolling(0, 1), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr int kMachines = 8;  // draws of field and moment, as the drift study's
 
@@ -159,5 +159,5 @@ TEST(ClosedLoop, is_not_upset_by_a_wrongly_identified_latency) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

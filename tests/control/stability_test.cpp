@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const Robot kRobot = coni_2mm();
 const Medium kOil;
@@ -58,5 +58,5 @@ TEST(ForceAt, is_the_weight_alone_without_current) {
   EXPECT_THROW(force_at(field, kRobot, kOil, Currents::Zero(7), {0, 0, 0}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

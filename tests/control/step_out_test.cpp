@@ -10,7 +10,7 @@
 #include <random>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kTurn = 2 * std::numbers::pi;
 
@@ -128,5 +128,5 @@ TEST(StepOut, IsNotJudgedFromNoise) {
   for (int k = 0; k < 5000; ++k) EXPECT_FALSE(watch.add(normal(random), 1e-6, 1 / 15.0, 0.3));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 
@@ -241,5 +241,5 @@ TEST(TrajectoryArguments, a_circle_has_the_length_of_its_turns_or_is_refused) {
             "turns: must be at most 64");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

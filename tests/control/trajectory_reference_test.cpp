@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 constexpr double kPi = std::numbers::pi;
@@ -285,5 +285,5 @@ TEST(TrajectoryReference, splines_are_natural_over_the_chords_and_curves_go_by_t
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const MotionLimits kLimits{0.5e-3, 2e-3};
 
@@ -162,5 +162,5 @@ TEST(Trajectory, refuses_what_cannot_be_followed) {
   EXPECT_THROW(Trajectory::hold_at({0, 0, 0}).at(nan), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

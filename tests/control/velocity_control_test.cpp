@@ -14,7 +14,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kRadius = 0.397e-3,
                  kPi = std::numbers::pi;  // m, of the ball with the drag of a 1 mm NdFeB cylinder
@@ -119,5 +119,5 @@ TEST(VelocityController, names_what_is_wrong) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

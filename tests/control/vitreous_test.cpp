@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const Eigen::Vector3d kX = Eigen::Vector3d::UnitX(), kNothing = Eigen::Vector3d::Zero();
 
@@ -175,5 +175,5 @@ TEST(RotationalResistance, perrins_formula_holds) {
   EXPECT_NEAR(rotational_resistance(robot, oil), law, 1e-9 * law);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 namespace vitreo::control {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(WorkspaceMap, lists_the_places_with_x_fastest_and_the_corners_at_the_ends) {
   MapRequest request;
@@ -53,5 +53,5 @@ TEST(WorkspaceMap, shows_zeros_where_the_model_ends_or_a_freedom_is_lost) {
   EXPECT_THROW(workspace_map(model, request), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::control

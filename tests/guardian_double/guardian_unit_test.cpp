@@ -24,7 +24,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Steady = std::chrono::steady_clock;
@@ -469,5 +469,5 @@ TEST_F(GuardianUnit, IsArmedBeforeAFreeInstrumentIsSetOrCommandedUntilItIsSafe) 
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

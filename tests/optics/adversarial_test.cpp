@@ -18,7 +18,7 @@
 #include <random>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
@@ -191,5 +191,5 @@ TEST(Adversarial, RaysThatTouchTheEdgesOfEverythingAreLostByName) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kIdle =
     "return { title = 'idle', run = function(rig, p, run) run:wait(1) print(1.5) "
@@ -143,5 +143,5 @@ TEST_F(Surroundings, APortInUseIsAWrongRequestAndLeavesNoFolder) {
   EXPECT_FALSE(std::filesystem::exists(place.folder() / "runs"));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -8,7 +8,7 @@
 #include <algorithm>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kAmplifier = R"lua(
 local function numbers(said)
@@ -232,5 +232,5 @@ TEST_F(InstrumentFiles, TheRecordHasTheirTextsAndIsReadWithoutThem) {
   EXPECT_EQ(again.out, replayed.out);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

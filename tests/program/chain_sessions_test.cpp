@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 nlohmann::json results_of(const std::string& words) {
   const Workplace place;
@@ -82,5 +82,5 @@ TEST(ChainSessions, ATargetShowsTheMicroscopesPupil) {
   EXPECT_LT(results["pupil_power"], 4.1);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

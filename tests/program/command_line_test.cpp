@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const char* const kIdle = R"(
 local units = require "units"
@@ -396,5 +396,5 @@ TEST(Prompt, BinaryJunkDoesNotEndIt) {
   EXPECT_NE((spoken.out + spoken.err).find("still here"), std::string::npos) << spoken.err;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -23,7 +23,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 const std::string kSimulated = "'" VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua'";
@@ -413,5 +413,5 @@ TEST(Laboratory, ItsInstrumentsKeepTheirContractsOnTheSystemsOwnPath) {
 }
 #endif
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

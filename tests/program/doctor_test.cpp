@@ -11,7 +11,7 @@
 #include <sstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const char* const kStage = R"(
 return {
@@ -91,5 +91,5 @@ TEST(DoctorCommand, RulesPutInPlaceAreFoundThere) {
   EXPECT_EQ(state, "good");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

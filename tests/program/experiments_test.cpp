@@ -17,7 +17,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(Reproduce, EveryExperimentRunsInItsShortFormAndLeavesItsNumbers) {
   const Workplace place;
@@ -433,5 +433,5 @@ TEST(MotionInGels, ARheometersTableTakesThePlaceOfTheAssumedModuli) {
       << wrong.out;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

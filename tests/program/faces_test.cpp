@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::string file_text(const std::filesystem::path& file) {
   std::ostringstream text;
@@ -376,5 +376,5 @@ TEST(Control, MovesAStageOfARunAndNamesWhatDoesNotFit) {
   EXPECT_EQ(place.read("code"), "3\n");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

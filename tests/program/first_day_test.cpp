@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
@@ -247,5 +247,5 @@ TEST_F(FirstDay, ThePagesAnswersAreAFileOfAnswers) {
 }
 #endif
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -173,5 +173,5 @@ TEST_F(Foxglove, WantsATokenFileWhereOtherMachinesReachIt) {
   EXPECT_NE(lone.err.find("--foxglove-port: wants --foxglove"), std::string::npos) << lone.err;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

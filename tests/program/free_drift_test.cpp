@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const char* const kNearTheRetina = R"lua(
 local free = require "session.free_drift"
@@ -43,5 +43,5 @@ TEST(FreeDrift, APlaceThatIsOutOfReachIsDrawnAnewAndNotForEver) {
   EXPECT_NE(beyond.err.find("is out of reach"), std::string::npos) << beyond.err;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -7,7 +7,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct Block {
   std::string head, text;  // "lua file=wobble.lua"
@@ -117,5 +117,5 @@ TEST(TestCommand, WithoutTestsItIsRunAndStoppedAndWrongTestsAreRefused) {
   EXPECT_NE(wrong.err.find("tests.1.test is run, fail or stop"), std::string::npos) << wrong.err;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct Block {
   std::string head, text;  // "lua file=heater.lua"
@@ -199,5 +199,5 @@ TEST(AskedFiles, AnInstrumentOfAFileIsFoundAtItsAddress) {
   EXPECT_NE(asked.err.find("VER"), std::string::npos) << "what is sent is shown before";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 extern char** environ;
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -84,5 +84,5 @@ TEST(Interrupts, TwoAtAnyMomentLoseNoRecord) {
                   std::chrono::microseconds(random() % 250'000));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

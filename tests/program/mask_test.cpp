@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(Mask, OneOutlineGivesATrainingFolderThatTracks) {
   const Workplace place;
@@ -105,5 +105,5 @@ TEST(Mask, SaysWhatIsWrong) {
   refused("truth.csv --ellipse=9,9,9,9,0", "truth.csv: is not an image");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

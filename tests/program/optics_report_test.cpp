@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 nlohmann::json results_of(const Workplace& place, const std::string& arguments) {
   const Spoken spoken = place.vitreo("run " + arguments + " --json");
@@ -51,5 +51,5 @@ TEST(OpticsUncertainty, ItRanksWhatCostsMostAndDesignsAFlatterLens) {
   EXPECT_LT(results["design_span_after"], 10e-6);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kCtrlC = "\x03";
 constexpr const char* kCtrlD = "\x04";
@@ -287,5 +287,5 @@ TEST(PipedPrompt, RunsFiveHundredProtocolsInOneStatement) {
   EXPECT_EQ(place.runs(), 1);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -9,7 +9,7 @@
 #include <cmath>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 bool needs_arguments(const Workplace& place, const std::string& protocol) {
   const auto described =
@@ -271,5 +271,5 @@ TEST(Hold, OnARigWithOneRealInstrumentThereIsNoPoseSensor) {
   EXPECT_NE(spoken.err.find("pose_sensor: it knows the truth"), std::string::npos) << spoken.err;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

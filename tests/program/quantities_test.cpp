@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kProtocol = R"lua(
 local units = require "units"
@@ -201,5 +201,5 @@ TEST_F(Quantities, TheHelpTextsHavePrintUnits) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -314,5 +314,5 @@ TEST(TracedRun, OfARunThatWasNotTracedIsAnErrorThatNamesTheOption) {
   EXPECT_EQ(place.vitreo("show last --role stage").exit_code, 2) << "it wants --links";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // The simulator's retina goes along a Lissajous figure of 1.5 mm (devices/sim/laboratory.cpp); a
 // point of it is seen where the chief ray from the sphere at that place meets the sensor.
@@ -182,5 +182,5 @@ TEST(RetinaTargets, ServoSupervisedReachesPointsThatMoveWithTheRetina) {
   EXPECT_EQ(results["frames_on_map"], results["frames"]);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

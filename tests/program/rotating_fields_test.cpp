@@ -8,7 +8,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 nlohmann::json of_run(const Workplace& place, const std::string& words) {
   const Spoken spoken = place.vitreo("run " + words + " --json");
@@ -64,5 +64,5 @@ TEST(Dock, TheAxisIsWithinThreeDegreesOnASampledMachine) {
   EXPECT_LT(results["dock_position_error_max"], 50e-6);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -9,7 +9,7 @@
 #include <cstdlib>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kHold =
     "soak hold feedback=pose_sensor compare=false settle=0.5s hold=1s width=0.3mm depth=0.3mm "
@@ -59,5 +59,5 @@ TEST(Soak, ARigWithRealInstrumentsIsRefused) {
   EXPECT_NE(said.err.find("real instruments"), std::string::npos) << said.err;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

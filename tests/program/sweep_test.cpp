@@ -11,7 +11,7 @@
 #include <thread>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
@@ -288,5 +288,5 @@ TEST_F(SweepProgram, StoppedItEndsItsRunsInOrderAndGoesOnLater) {
   EXPECT_EQ(lines(table("swept")), 5U);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

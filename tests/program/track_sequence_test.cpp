@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::vector<std::vector<std::string>> rows_of(const std::string& csv) {
   std::vector<std::vector<std::string>> rows;
@@ -143,5 +143,5 @@ TEST(TrackSequence, SaysWhatIsMissingOrDamaged) {
   refused("images=frames training=training", 1, "frame_0001.png: is not an image that can be read");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -16,7 +16,7 @@
 #include <thread>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -480,5 +480,5 @@ TEST(Workbench, TwoOfTwoHundredRunsAreComparedInThreeClicks) {
   EXPECT_NE(seen.value("sentence", "").find(" in A, "), std::string::npos) << seen;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

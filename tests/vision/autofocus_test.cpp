@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const std::vector<AutofocusStrategy> kAll{
     AutofocusStrategy::sweep, AutofocusStrategy::coarse_to_fine, AutofocusStrategy::golden_section,
@@ -206,5 +206,5 @@ TEST(Autofocus, refuses_readings_and_settings_that_make_no_sense) {
   EXPECT_THROW(autofocus_strategy("luck"), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace synthetic;
 
@@ -82,5 +82,5 @@ TEST(Background, refuses_other_sizes_and_types_and_to_speak_before_it_has_seen) 
   EXPECT_EQ(background.count(), 1);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr BackgroundKind kKinds[] = {BackgroundKind::fixed, BackgroundKind::running,
                                      BackgroundKind::mog2, BackgroundKind::knn};
@@ -77,5 +77,5 @@ TEST(BackgroundTracker, refuses_what_it_can_not_use) {
   for (const BackgroundKind kind : kKinds) EXPECT_EQ(background_kind(name_of(kind)), kind);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

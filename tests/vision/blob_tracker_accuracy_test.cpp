@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace synthetic;
 
@@ -129,5 +129,5 @@ TEST(BlobTracker, finds_a_body_far_out_of_focus_whatever_it_was_told_of_the_blur
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace synthetic;
 
@@ -320,5 +320,5 @@ TEST(BlobTracker, refuses_images_and_settings_that_cannot_be) {
   refused([](BlobTrackerSettings& s) { s.blur_sigma_px = 0; });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -10,7 +10,7 @@
 #include <string>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // A disc of one gray on a ground of another, each with a spread: what (8.1) gives is known.
 LabeledImage disc(double object, double ground, double sigma, unsigned seed) {
@@ -135,5 +135,5 @@ TEST(ColorModel, names_the_image_that_it_can_not_learn_from) {
   EXPECT_THROW(ColorModel::train({}, {}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

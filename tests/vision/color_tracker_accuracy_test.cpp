@@ -10,7 +10,7 @@
 #include <cstdio>
 
 namespace vitreo::vision::generated {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // The goals of the project: they leave the half pixel that highlights, shadow and the color mosaic
 // move a rim.
@@ -115,5 +115,5 @@ TEST(ColorTrackerAccuracy, is_within_a_pixel_with_the_level_set_and_the_shape_pr
   expect_accurate(s, 0.5);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision::generated

@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const ObjectModel& model() {
   static const ObjectModel trained =
@@ -178,5 +178,5 @@ TEST(ObjectModel, refuses_damaged_bytes) {
   EXPECT_THROW(ObjectModel::load(bytes + "x"), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

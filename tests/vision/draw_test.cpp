@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(DrawOverlay, leaves_the_picture_alone_when_there_is_nothing_to_draw) {
   const cv::Mat gray(50, 80, CV_8U, cv::Scalar(99));
@@ -77,5 +77,5 @@ TEST(CropAround, keeps_its_size_and_moves_inside) {
   EXPECT_THROW(crop_around(cv::Mat(), {1, 1}, {5, 5}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector2d;
 constexpr double kPi = std::numbers::pi;
@@ -261,5 +261,5 @@ TEST(EllipseFitReference, autocorrelation_is_summed_over_a_sixth_of_the_rim_at_m
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector2d;
 using Five = std::array<double, 5>;
@@ -323,5 +323,5 @@ TEST(EllipseFitReference, a_prior_adds_what_it_knows_in_its_own_axes) {
   EXPECT_EQ(with.covariance, without.covariance);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

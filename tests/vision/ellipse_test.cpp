@@ -11,7 +11,7 @@
 #include <random>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kPi = std::numbers::pi;
 
@@ -150,5 +150,5 @@ TEST(FitEllipse, gives_nothing_from_too_few_normals) {
   EXPECT_FALSE(fit_ellipse(e, normals).valid);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

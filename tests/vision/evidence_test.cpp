@@ -15,7 +15,7 @@
 #include <tuple>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// F of a pixel is its blue level less 128, in steps of the table.
 class BlueEvidence final : public EvidenceSource {
@@ -128,5 +128,5 @@ TEST(MomentSums, of_a_run_are_those_of_its_pixels) {
     EXPECT_EQ(runs.*sum, pixels.*sum);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Samples = std::vector<FocusSample>;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -373,5 +373,5 @@ TEST(FocusPeakReference, names_and_refusals) {
   EXPECT_NO_THROW(FocusPeakSettings{}.check());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -13,7 +13,7 @@
 #include <random>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::vector<FocusSample> bell(double best, double width, double noise, std::uint64_t seed,
                               int steps = 31) {
@@ -156,5 +156,5 @@ TEST(FocusPeak, refuses_what_is_not_a_number) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

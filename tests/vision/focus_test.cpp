@@ -11,7 +11,7 @@
 #include <string>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 cv::Mat random_image(const cv::Size& size, std::uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -162,5 +162,5 @@ TEST(FocusWindow, refuses_what_it_cannot_measure_by_name) {
   EXPECT_THROW(FocusWindow(kDefaultFocusMeasure, {32, 32}, -1), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using generated::Frame;
 using generated::Score;
@@ -163,5 +163,5 @@ TEST(GrayEvidence, a_robot_is_followed_across_a_ground_of_its_own_gray) {
   EXPECT_LT(worst, 2.5);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr int kTrained = 12;
 
@@ -196,5 +196,5 @@ TEST(HeadModel, refuses_too_few_tips_and_one_in_the_middle_of_the_body) {
   EXPECT_THROW(HeadModel::train(known.images, known.tips), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

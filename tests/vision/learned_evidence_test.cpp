@@ -15,7 +15,7 @@
 #include <sstream>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // Object dark, ground bright.
 ColorModel two_grays() {
@@ -172,5 +172,5 @@ TEST(LearnedEvidence, is_a_part_of_the_saved_model) {
   EXPECT_EQ(before.off_px, after.off_px);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

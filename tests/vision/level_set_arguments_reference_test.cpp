@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace level_set_reference;
 
@@ -257,5 +257,5 @@ TEST(LevelSetReference, settings_are_refused_by_name) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

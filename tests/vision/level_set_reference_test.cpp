@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace level_set_reference;
 
@@ -130,5 +130,5 @@ TEST(LevelSetReference, rounds_end_when_cycle_one_had_nothing_left_to_move) {
   EXPECT_GT(several, 4);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -9,7 +9,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr int kObject = 60, kGround = 180, kBetween = 120;
 
@@ -169,5 +169,5 @@ TEST(CycleThree, pulls_the_front_to_the_shape_where_color_says_nothing) {
   EXPECT_LT((after.ellipse.center_px - truth.center_px).norm(), 3);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using generated::Score;
 using generated::SequenceSettings;
@@ -107,5 +107,5 @@ TEST(Light, is_followed_before_a_fundus_that_drifts) {
   through({.seed = 9503, .drift_px = 1, .fundus = true}, "drifting fundus");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -11,7 +11,7 @@
 #include <random>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 LookFeatures look_at(float where, std::mt19937& random, float spread = 0.1F) {
   std::normal_distribution<float> normal(0, spread);
@@ -77,5 +77,5 @@ TEST(LookMemory, a_model_of_poor_quality_says_so) {
   EXPECT_NE(said.front().find("hardly tell"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

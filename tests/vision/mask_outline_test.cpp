@@ -8,7 +8,7 @@
 #include <opencv2/core.hpp>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 double common(const cv::Mat& a, const cv::Mat& b) {
   return static_cast<double>(cv::countNonZero(a & b)) / cv::countNonZero(a | b);
@@ -57,5 +57,5 @@ TEST(MaskOutline, refuses_what_is_no_outline) {
   EXPECT_THROW(cut_by_color(mask, mask, {}, 6), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct Session {
   cv::Mat picture = synthetic::retina({1600, 1300}, 21);
@@ -178,5 +178,5 @@ TEST(Mosaic, refuses_views_and_settings_that_make_no_sense) {
   EXPECT_THROW(plan_mosaic(session.views, bad), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

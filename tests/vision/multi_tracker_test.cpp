@@ -8,7 +8,7 @@
 #include <cstdio>
 
 namespace vitreo::vision::generated {
-namespace {
+namespace VITREO_TEST_FILE {
 
 void expect_good(const char* name, const SeveralScore& s, double center_px = 0.5) {
   std::printf("%-22s 4 objects, %d frames: lost %d, wrong %d, swapped %d, center %.2f px\n", name,
@@ -138,5 +138,5 @@ TEST(MultiTracker, refuses_what_it_can_not_use) {
   EXPECT_THROW(tracker.update(cv::Mat()), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision::generated

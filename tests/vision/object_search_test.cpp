@@ -10,7 +10,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const cv::Scalar kGround(48, 84, 156);
 const cv::Scalar kSteel(66, 64, 62);
@@ -58,5 +58,5 @@ TEST(ObjectSearch, a_body_at_the_images_border_is_still_a_candidate) {
   EXPECT_LT((found[0].center_px - object.center_px).norm(), 14);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

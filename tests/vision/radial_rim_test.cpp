@@ -15,7 +15,7 @@
 #include <cstdio>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const Ellipse kBody{{100, 80}, 30, 15, 0.4};
 
@@ -114,5 +114,5 @@ TEST(RadialRim, a_tracker_knows_a_shadow_that_its_training_did_not_show) {
   EXPECT_GT(claimed[1], 1.4 * claimed[0]);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

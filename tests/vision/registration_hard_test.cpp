@@ -15,7 +15,7 @@
 #include <string>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 const cv::Size kView(640, 480);
@@ -246,5 +246,5 @@ TEST(RegistrationHard, a_barrel_of_three_percent_is_refused_where_a_similarity_d
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

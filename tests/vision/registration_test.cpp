@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
@@ -265,5 +265,5 @@ TEST(Registration, refuses_images_and_settings_that_make_no_sense) {
   EXPECT_FALSE(refine_registration(view, view, lost, settings));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

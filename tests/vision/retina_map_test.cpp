@@ -14,7 +14,7 @@
 #include <ctime>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using synthetic::picture_from_view;
 using synthetic::view_of;
@@ -201,5 +201,5 @@ TEST(RetinaMap, ItsPictureIsThatOfTheRetina) {
   EXPECT_LT(off(image, origin, 800), 1.2 * one_view) << "nor is what no single view shows";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

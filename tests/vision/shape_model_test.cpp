@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using generated::Sequence;
 
@@ -118,5 +118,5 @@ TEST(ShapeModel, learns_one_mask_without_modes_and_refuses_none_empty_or_full) {
                std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -10,7 +10,7 @@
 #include <cstdio>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using generated::Frame;
 using generated::Sequence;
@@ -62,5 +62,5 @@ TEST(SuddenAxes, what_continues_one_end_of_the_rim_in_single_images_does_not_mov
   EXPECT_LT(worst, 1.5);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

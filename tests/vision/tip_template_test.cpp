@@ -13,7 +13,7 @@
 #include <stdexcept>
 
 namespace vitreo::vision {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // The ellipse as a tracker has it: known modulo a half turn, off by half a pixel and 1.5 degrees.
 Ellipse rough(Ellipse e, int k) {
@@ -58,5 +58,5 @@ TEST(TipTemplate, refuses_a_tip_that_is_no_end) {
   EXPECT_THROW(TipTemplate(image, {{15, 60}, 30, 15, 0}, {150, 60}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::vision

@@ -10,7 +10,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 NominalChain believed() {
   NominalChain nominal;
@@ -163,5 +163,5 @@ TEST(ChainBench, AWrongNumberIsRefusedAndNoLookBlamed) {
   EXPECT_TRUE(made.outliers.empty());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

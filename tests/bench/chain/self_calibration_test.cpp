@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 NominalChain believed_chain() {
   NominalChain nominal;
@@ -132,5 +132,5 @@ TEST(ChainSelfCalibration, ALensThatWasMovedStopsIt) {
   EXPECT_EQ(fly(moved, refiner, time, random), RefinerOutcome::changed);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

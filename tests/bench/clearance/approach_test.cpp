@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo::approaches {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(Approach, LetDownOntoTheRetinaItIsRedBeforeItTouchesAndNeverShownFarther) {
   ApproachSetting setting;
@@ -64,5 +64,5 @@ TEST(Approach, ThePredictiveFormIsTheProjectionWithTheHorizonsRate) {
   EXPECT_LT((found.velocity - control::keep_out(projection, near, wanted).velocity).norm(), 2e-6);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::approaches

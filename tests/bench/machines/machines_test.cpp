@@ -10,7 +10,7 @@
 #include <cmath>
 
 namespace vitreo::machines {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr std::uint64_t kFirst = 7001;  // seeds that nothing was tuned on
 constexpr int kMachines = 6;
@@ -187,5 +187,5 @@ TEST(Machines, ASeedIsAMachine) {
   EXPECT_NE(held(setting).rms, held(other).rms);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::machines

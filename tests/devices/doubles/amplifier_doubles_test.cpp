@@ -16,7 +16,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Findings = std::vector<std::string>;
 using Options = std::vector<std::string>;
@@ -82,5 +82,5 @@ TEST(Usb3103Double, KeepsTheContractOfAnAmplifier) {
   EXPECT_EQ(contract::check(*coils), Findings{});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -20,7 +20,7 @@
 #include <unistd.h>
 
 namespace vitreo::genicam {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
@@ -465,5 +465,5 @@ TEST_F(GigePair, OneOfWhichTriggersTheOtherAreInStep) {
   EXPECT_LT(skews.median(), 0.2);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::genicam

@@ -26,7 +26,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
@@ -246,5 +246,5 @@ TEST(SpacemouseDouble, ShowsADeflectionAndItsEnd) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Options = std::vector<std::string>;
@@ -250,5 +250,5 @@ TEST(Teslameter, AnswersByUsbtmc) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -20,7 +20,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
@@ -414,5 +414,5 @@ TEST(IidcBus, ThatIsFullIsNamed) {
   EXPECT_EQ(top->grab(2s).image.cols, 640);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct Pad {
   explicit Pad(const game_pad::Settings& settings = {})
@@ -105,5 +105,5 @@ TEST(GamePad, OneThatIsUnpluggedIsLost) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 namespace vitreo::genicam {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -82,5 +82,5 @@ TEST(GenicamPixels, ThatAreTooFewOrUnknownAreRefused) {
   EXPECT_EQ(format_of(0x01080001U)->name, "Mono8");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::genicam

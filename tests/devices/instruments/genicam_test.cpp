@@ -21,7 +21,7 @@
 #include <unistd.h>
 
 namespace vitreo::genicam {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
@@ -267,5 +267,5 @@ TEST(GenicamSettings, AreCheckedByName) {
   EXPECT_THROW(ServerFaults{.drops = -1}.check(), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::genicam

@@ -15,7 +15,7 @@
 #include <stdexcept>
 
 namespace vitreo::kepco_bop {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Currents = std::vector<double>;
@@ -305,5 +305,5 @@ TEST_F(Kepco, ThrowsForSettingsThatMakeNoSense) {
   EXPECT_THROW(open({}, settings, *clock), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::kepco_bop

@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 namespace vitreo::led_lamp {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct LedLamp : ::testing::Test {
   std::unique_ptr<CoilAmplifier> outputs() {
@@ -68,5 +68,5 @@ TEST_F(LedLamp, ThrowsForSettingsThatDoNotFit) {
   EXPECT_THROW(open(nullptr, settings), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::led_lamp

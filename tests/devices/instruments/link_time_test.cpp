@@ -37,7 +37,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -364,5 +364,5 @@ TEST_F(LinkTimes, ARampAt9600BaudIsAsSlowAsItsArithmeticSays) {
   EXPECT_NEAR(12 / took, slope, 0.1 * slope);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Report = std::vector<std::uint8_t>;
@@ -171,5 +171,5 @@ TEST(OperatorInputSettings, AreCheckedByName) {
   EXPECT_NO_THROW(foot_pedal::Settings{}.check());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 namespace vitreo::pololu_tic {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST_F(TicDriver, KeepsTheContractOfALensMover) {
   const auto lens_mover = open_it();
@@ -250,5 +250,5 @@ TEST(TicSettings, AreCheckedByName) {
   EXPECT_EQ(complaint({.transfer_timeout = 2}), "transfer_timeout");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::pololu_tic

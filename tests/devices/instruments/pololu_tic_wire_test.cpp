@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 namespace vitreo::pololu_tic {
-namespace {
+namespace VITREO_TEST_FILE {
 
 void expect_setup(const UsbSetup& setup, int type, int request, int value, int index) {
   EXPECT_EQ(setup.type, type);
@@ -105,5 +105,5 @@ TEST(UsbAddress, IsReadAndWritten) {
     EXPECT_THROW(parse_usb_address("usb", wrong), std::invalid_argument) << wrong;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::pololu_tic

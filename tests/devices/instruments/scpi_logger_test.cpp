@@ -13,7 +13,7 @@
 #include <stdexcept>
 
 namespace vitreo::scpi_logger {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
@@ -101,5 +101,5 @@ TEST(ScpiLoggerSettings, AreRefusedWhereTheyCannotBe) {
   EXPECT_TRUE(refused({.coils = {{0, 101, 1}}, .line_cycles = 0.3}));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::scpi_logger

@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 namespace vitreo::scpi_probe {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Field = std::vector<double>;
@@ -113,5 +113,5 @@ TEST_F(ScpiProbe, ThrowsForSettingsThatMakeNoSense) {
   bad([](Settings& s) { s.range = -1; });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::scpi_probe

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::serial_line {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Levels = std::vector<std::pair<ModemLine, bool>>;
 
@@ -75,5 +75,5 @@ TEST(SerialLine, OnAPortWithoutControlLinesIsRefusedByName) {
   EXPECT_THROW(open_modem_lines("/dev/there_is_none", *clock), DeviceError);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::serial_line

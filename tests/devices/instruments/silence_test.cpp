@@ -20,7 +20,7 @@
 #include <utility>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Of which half a second is silence, and not the five that a real one may take.
 sutter_mp285::Settings quick() {
@@ -305,5 +305,5 @@ TEST_F(EightSupplies, EveryErrorOfARunNamesItsChannel) {
             "coils: channel 5: tcp:10.0.0.15:5025 was lost (lost)");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

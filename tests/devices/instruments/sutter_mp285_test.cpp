@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 namespace vitreo::sutter_mp285 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Place = std::vector<double>;
@@ -299,5 +299,5 @@ TEST_F(Mp285, ThrowsForSettingsThatMakeNoSense) {
   bad([](Settings& s) { s.reply_timeout = std::nan(""); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sutter_mp285

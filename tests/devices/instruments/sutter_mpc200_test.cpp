@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 namespace vitreo::sutter_mpc200 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Place = std::vector<double>;
@@ -304,5 +304,5 @@ TEST_F(Mpc200, ThrowsForSettingsThatMakeNoSense) {
   bad([](Settings& s) { s.reply_timeout = std::nan(""); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sutter_mpc200

@@ -30,7 +30,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -337,5 +337,5 @@ TEST(UnknownAnswers, OfAPedalAreNamedAndShownAndCountAsReleased) {
   EXPECT_TRUE(is_held(pedal.get(), 2)) << "the next one is known again";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -9,7 +9,7 @@
 #include <algorithm>
 
 namespace vitreo::usb3103 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -196,5 +196,5 @@ TEST_F(Usb3103BadDay, PassesOnAnInterruptThatComesWithItsLastReport) {
   EXPECT_EQ(std::ranges::count(bench.sent, on), 1);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::usb3103

@@ -17,7 +17,7 @@
 #include <vector>
 
 namespace vitreo::usb3103 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using reference::error_of;
 using reference::Terminals;
@@ -222,5 +222,5 @@ TEST(Usb3103Settings, a_timeout_that_does_not_fit_is_refused_by_name) {
   EXPECT_EQ(far.news(), Reports{});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::usb3103

@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 namespace vitreo::usb3103 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 bool has(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
@@ -165,5 +165,5 @@ TEST(Usb3103Settings, AreCheckedByName) {
   EXPECT_TRUE(has(complaint({.reply_timeout = 0}), "reply_timeout"));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::usb3103

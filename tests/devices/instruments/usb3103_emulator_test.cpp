@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::usb3103 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kHalf = 5;  // V: 0xC000 in the range +-10 V
 
@@ -106,5 +106,5 @@ TEST_F(Usb3103Emulator, RefusesACalibrationThatHasNoInverse) {
   EXPECT_THROW(make_emulator(settings, {}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::usb3103

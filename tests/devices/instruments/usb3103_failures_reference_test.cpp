@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::usb3103 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using reference::Bytes;
 using reference::error_of;
@@ -294,5 +294,5 @@ TEST_F(Usb3103Failures, a_heartbeats_line_that_is_refused_is_an_error) {
   EXPECT_TRUE(far_.line_is_high(5));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::usb3103

@@ -3,7 +3,7 @@
 #include "tests/devices/instruments/usb3103_test_bench.h"
 
 namespace vitreo::usb3103 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct Usb3103Quirk : Usb3103Driver {
   Usb3103Quirk() { settings.enable_line = 3; }
@@ -100,5 +100,5 @@ TEST_F(Usb3103Quirk, HasEightDigitalLines) {
   EXPECT_EQ(encode(DigitalConfig{3, false}), (Report{0x02, 3, 0}));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::usb3103

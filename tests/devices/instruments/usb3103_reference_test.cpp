@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo::usb3103 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using reference::Bytes;
 using reference::error_of;
@@ -313,5 +313,5 @@ TEST_F(Usb3103Reference, a_heartbeats_line_is_left_to_it_by_set_points_and_low_w
   EXPECT_FALSE(far_.line_is_high(6));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::usb3103

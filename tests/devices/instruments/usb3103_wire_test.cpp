@@ -8,7 +8,7 @@
 #include <limits>
 
 namespace vitreo::usb3103 {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(Usb3103Wire, EncodesCommandsAsTheInstrumentExpectsThem) {
   EXPECT_EQ(encode(AnalogOut{3, 0x8123, true}), (Report{0x14, 3, 0x23, 0x81, 1}));
@@ -111,5 +111,5 @@ TEST(Usb3103Wire, TurnsCountsIntoTerminalVolts) {
   EXPECT_DOUBLE_EQ(volts_from_counts(0x7FF6, Range::plus_minus_10_v, {1.F, -10.F}), 0);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::usb3103

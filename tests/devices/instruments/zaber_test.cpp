@@ -14,7 +14,7 @@
 #include <stdexcept>
 
 namespace vitreo::zaber {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Place = std::vector<double>;
@@ -382,5 +382,5 @@ TEST_F(Zaber, ThrowsForSettingsThatMakeNoSense) {
   EXPECT_THROW(open_rotary(link_to(*emulator), settings, *clock), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::zaber

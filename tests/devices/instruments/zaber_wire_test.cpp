@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo::zaber {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(ZaberWire, EncodesACommandWithItsChecksum) {
   EXPECT_EQ(encode(Command{1, 0, std::nullopt, "tools echo"}),
@@ -124,5 +124,5 @@ TEST(ZaberWire, ExplainsAFlag) {
   EXPECT_FALSE(is_fault("--"));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::zaber

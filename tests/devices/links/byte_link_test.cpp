@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -202,5 +202,5 @@ TEST_F(MemoryByteLink, ThrowsForATimeThatRunsBackwards) {
   EXPECT_THROW(link_to(peer, {0s, -1ms}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

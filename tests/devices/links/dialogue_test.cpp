@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -189,5 +189,5 @@ TEST(Printable, ShowsWhatCannotBePrintedAsHexAndCutsWhatIsLong) {
   EXPECT_EQ(printable(std::string(41, 'x')), std::string(40, 'x') + "...");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

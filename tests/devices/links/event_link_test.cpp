@@ -11,7 +11,7 @@
 #include <fstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 namespace fs = std::filesystem;
@@ -108,5 +108,5 @@ TEST(EventNodes, AreListedWithTheirNumbers) {
   fs::remove_all(root);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Report = std::vector<std::uint8_t>;
@@ -153,5 +153,5 @@ TEST_F(FaultyHid, LateReportsAreSentWhenTheirTimeHasCome) {
   EXPECT_EQ(mirror.cycles, 1);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Report = std::vector<std::uint8_t>;
@@ -84,5 +84,5 @@ TEST(DeviceError, SaysWhoWhatAndHow) {
   EXPECT_STREQ(to_string(DeviceErrorKind::not_found), "not found");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -13,7 +13,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using hislip::Message;
@@ -301,5 +301,5 @@ TEST_F(HislipTest, AServerThatSaysNothingIsATimeout) {
   EXPECT_EQ(clock->now(), 2s);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

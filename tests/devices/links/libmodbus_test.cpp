@@ -19,7 +19,7 @@
 #include <unistd.h>
 
 namespace vitreo::modbus {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Words = std::vector<std::uint16_t>;
@@ -200,6 +200,6 @@ TEST_P(Libmodbus, IsServedByOurEmulator) {
   modbus_free(its);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::modbus
 #endif

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::string_literals;
 
@@ -57,5 +57,5 @@ TEST(Echo, IsWhatWasSentFromItsFirstByteOnButForLineEnds) {
   EXPECT_FALSE(echo("", "ab"));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

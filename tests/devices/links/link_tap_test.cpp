@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -122,5 +122,5 @@ TEST_F(LinkTapTest, SeesControlTransfersWithTheEightBytesOfTheirSetup) {
   EXPECT_EQ(tape.all[5].event, "failed");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

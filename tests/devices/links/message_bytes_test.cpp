@@ -10,7 +10,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -72,5 +72,5 @@ TEST(MessageBytes, AnAnswerThatDidNotComeIsCalledBackBeforeTheNextQuestion) {
   EXPECT_EQ(link->read(100, 0s), ByteString{'\n'});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

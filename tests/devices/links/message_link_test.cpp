@@ -19,7 +19,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -292,5 +292,5 @@ TEST_F(UdpLinkTest, AddressesThatAreNoneAreNamed) {
             DeviceErrorKind::not_found);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <stdexcept>
 
 namespace vitreo::modbus {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Words = std::vector<std::uint16_t>;
@@ -419,5 +419,5 @@ TEST(ModbusSettings, AreChecked) {
   EXPECT_THROW(make_client(nullptr, {}, *clock), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::modbus

@@ -20,7 +20,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 namespace fs = std::filesystem;
@@ -303,5 +303,5 @@ TEST_F(KernelListing, IsEmptyWhereThereIsNone) {
   EXPECT_TRUE(list_serial_ports(root / "nowhere").empty());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -70,5 +70,5 @@ TEST(UsbFrames, OneTransferAFrameFromTheNextFrameOn) {
   EXPECT_EQ(none.next(9ms), 9ms);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -13,7 +13,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -213,5 +213,5 @@ TEST(UsbtmcAddress, ThatIsNoneIsNamed) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -384,5 +384,5 @@ TEST(InstrumentPlaces, AreRead) {
     EXPECT_THROW(place(bad), std::invalid_argument) << bad;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

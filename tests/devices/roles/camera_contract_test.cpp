@@ -19,7 +19,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 namespace fs = std::filesystem;
@@ -259,5 +259,5 @@ TEST(Iidc, ChecksItsSettingsAndFindsNoCameraWithoutABus) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Findings = std::vector<std::string>;
 
@@ -109,5 +109,5 @@ TEST(CoilAmplifierContract, LeavesTheAmplifierSafeWhenItIsStopped) {
   EXPECT_EQ(bench.outputs(), usb3103::Voltages{});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

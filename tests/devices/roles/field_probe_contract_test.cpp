@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
@@ -55,5 +55,5 @@ TEST(FieldProbeContract, TakesEveryErrorAfterTheDeadlineAsAFinding) {
   EXPECT_EQ(findings_of(PlainProbe::After::other_error), Findings{"measure: threw no deadline"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

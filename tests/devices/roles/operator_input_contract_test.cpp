@@ -8,7 +8,7 @@
 #include <utility>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Findings = std::vector<std::string>;
 
@@ -51,5 +51,5 @@ TEST(OperatorInputContract, NoDeflectionIsBeyondTheFullOne) {
   EXPECT_EQ(findings, Findings{"a deflection is beyond full deflection"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

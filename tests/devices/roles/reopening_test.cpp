@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -278,5 +278,5 @@ TEST(Reopening, ThrowsAtFirstWhatOpeningThrows) {
   EXPECT_THROW(reopening(nobody, {.name = ""}, *clock), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -13,7 +13,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Position = std::vector<double>;
@@ -138,5 +138,5 @@ TEST(Identity, LeavesOutWhatTheInstrumentDoesNotTell) {
             "Zaber X-RSW60A, serial 12345, firmware 7.14");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -9,7 +9,7 @@
 #include <chrono>
 
 namespace vitreo::scripted {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -687,5 +687,5 @@ TEST(BrokenEmulator, IsNoneWhereItsTablesAreWrong) {
     expect_says(emulated({{"emulator", emulator}}), "pump.lua: " + words);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::scripted

@@ -9,7 +9,7 @@
 #include <random>
 
 namespace vitreo::scripted {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Lua as it comes.
 struct Plain {
@@ -119,5 +119,5 @@ TEST(Pattern, HasAnEnd) {
   EXPECT_THROW(find_pattern(text, std::string(500, '(') + "a", 0, steps), PatternError);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::scripted

@@ -14,7 +14,7 @@
 #include <utility>
 
 namespace vitreo::scripted {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::string bytes(std::initializer_list<int> all) {
   std::string text;
@@ -157,5 +157,5 @@ TEST(ModbusFile, WhatIsWrongInItIsToldByItsKey) {
       std::string::npos);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::scripted

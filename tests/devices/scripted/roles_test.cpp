@@ -16,7 +16,7 @@
 #include <chrono>
 
 namespace vitreo::scripted {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
@@ -320,5 +320,5 @@ TEST(ScriptedRoles, FaultsOfTheLinkAreFeltAndOver) {
   EXPECT_EQ(kind_of(), "timeout");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::scripted

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo::scripted {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// What the file's error says.
 std::string fault_of(const std::string& text) {
@@ -99,5 +99,5 @@ TEST(Sandbox, MoreArgumentsThanAStackHoldsAreRefused) {
                std::exception);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::scripted

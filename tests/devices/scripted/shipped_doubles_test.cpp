@@ -23,7 +23,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
@@ -485,5 +485,5 @@ INSTANTIATE_TEST_SUITE_P(Ways, SupplyDouble,
                                          Options{"late=0.05"}, Options{"header=True"}),
                          [](const auto& made) { return name_of(made.param); });
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

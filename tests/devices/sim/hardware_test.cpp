@@ -8,7 +8,7 @@
 #include <cmath>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr Time kMs = std::chrono::milliseconds(1);
 const Eigen::Vector3d kCenter = Eigen::Vector3d::Zero();
@@ -148,5 +148,5 @@ TEST(HandTuning, TheDriftLeftAtTheCenterIsTheTolerance) {
   EXPECT_GT(worst_untuned, 50e-6);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

@@ -14,7 +14,7 @@
 #include <numbers>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using std::chrono::milliseconds;
 constexpr double kTurn = 2 * std::numbers::pi;
@@ -156,5 +156,5 @@ TEST(HelixMotion, SoftRobotTumblesOverTheRetina) {
   EXPECT_GT(turned.go(Eigen::Vector3d::UnitY(), 0.05, 8e-3, 10).x(), 0.5e-3);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

@@ -9,7 +9,7 @@
 #include <opencv2/core.hpp>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr Time kMs = std::chrono::milliseconds(1);
 const Eigen::Vector3d kNone = Eigen::Vector3d::Zero();
@@ -175,5 +175,5 @@ TEST(Laboratory, AMeasuredFieldStaysAsItIsWhateverMachineIsDrawn) {
   EXPECT_THROW(laboratory.use_field(seven), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

@@ -10,7 +10,7 @@
 #include <cmath>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr Time kMs = std::chrono::milliseconds(1);
 const Eigen::Vector3d kCenter = Eigen::Vector3d::Zero(), kX = Eigen::Vector3d::UnitX();
@@ -232,5 +232,5 @@ TEST(Bodies, BadOnesAreNamed) {
   EXPECT_THROW(World(settings, 1), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

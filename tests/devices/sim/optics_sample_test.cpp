@@ -6,7 +6,7 @@
 #include <cmath>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(OpticsSample, OfNoSigmasLeavesTheSettingsToTheLastBit) {
   LaboratorySettings settings;
@@ -59,5 +59,5 @@ TEST(OpticsSample, TheMicroscopeStaysWhereItIsWhenTheCondensingLensMoves) {
   EXPECT_NEAR(plane(off), plane(settings), 1e-12);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

@@ -14,7 +14,7 @@
 #include <random>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr Time kMs = std::chrono::milliseconds(1);
 const Eigen::Vector3d kX = Eigen::Vector3d::UnitX(), kZ = Eigen::Vector3d::UnitZ();
@@ -394,5 +394,5 @@ TEST(Pictures, ABodyShowsInTheSideView) {
   EXPECT_NEAR(area, expected, 0.06 * expected);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

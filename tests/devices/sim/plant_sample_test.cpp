@@ -13,7 +13,7 @@
 #include <string>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::map<std::string, double> values(const PlantSample& sample) {
   std::map<std::string, double> all;
@@ -161,5 +161,5 @@ TEST(CoilBank, AWarmCoilMakesLessField) {
   EXPECT_LT(warm, 6 * (1 - 2e-4 * 5));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

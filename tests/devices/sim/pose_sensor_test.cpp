@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::optional<Eigen::Vector3d> moving(Time time) { return Eigen::Vector3d(to_seconds(time), 0, 0); }
 
@@ -67,5 +67,5 @@ TEST(PoseSensor, refuses_settings_that_cannot_be) {
   EXPECT_THROW((PoseSensorSettings{15, 0.08, 0}.check()), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

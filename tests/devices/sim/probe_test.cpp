@@ -13,7 +13,7 @@
 #include <array>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr Time kMs = std::chrono::milliseconds(1);
 
@@ -89,5 +89,5 @@ TEST(SimulatedProbe, TheCoilsCanBeCalibratedThroughTheInstrumentsAlone) {
   EXPECT_LT(fit.residual_relative, 3e-3);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

@@ -11,7 +11,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const Eigen::Vector3d kEye(0, 0, -5e-3);
 
@@ -344,5 +344,5 @@ TEST(Fundus, APhotographThatCannotBeReadIsNamed) {
   EXPECT_THROW(Fundus::photograph("no_such_file.png", 30e-3), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

@@ -10,7 +10,7 @@
 #include <numbers>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kEta = 0.485;  // Pa s
 constexpr double kField = 10e-3;
@@ -193,5 +193,5 @@ TEST(TailMotion, ABodyTurnsIntoTheFieldFromAnywhere) {
   EXPECT_LT(motion.deflection(1).norm(), 1e-6) << "and its tail is straight again";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo::sim {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr Time kMs = std::chrono::milliseconds(1);
 const Eigen::Vector3d kNone = Eigen::Vector3d::Zero();
@@ -116,5 +116,5 @@ TEST(World, ImpossibleParametersAreNamed) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim

@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -132,5 +132,5 @@ TEST_F(EvdevOnATestbed, AddressesThatAreNoneAreNamed) {
   EXPECT_EQ(kind_of([&] { open("/dev/null"); }), DeviceErrorKind::not_found);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -16,7 +16,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -80,5 +80,5 @@ TEST_F(PortWithADevice, ThatTheUserMayNotOpenIsRefusedAndNotMissing) {
             DeviceErrorKind::refused);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -28,7 +28,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
@@ -501,5 +501,5 @@ TEST_F(OperatorOverHidraw, APedalThatIsPulledIsAReleasedOneWithinHalfASecond) {
   EXPECT_EQ(kind_of([&] { input->state(); }), DeviceErrorKind::lost);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -12,7 +12,7 @@
 #include <thread>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -100,5 +100,5 @@ TEST_F(UsbtmcOnABus, AnotherDeviceIsNotTakenForIt) {
   testbed->unplug(other);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

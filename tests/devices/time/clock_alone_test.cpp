@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Steady = std::chrono::steady_clock;
@@ -244,5 +244,5 @@ TEST(TaskAlone, FeelsAnInterruptAtItsNextWait) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -16,7 +16,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -232,5 +232,5 @@ TEST(RealTimePace, DoesNotRushAfterATaskThatHeldTheBatonForLong) {
   EXPECT_GE(wall_time_of([&] { clock->sleep_for(40ms); }), 39ms);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

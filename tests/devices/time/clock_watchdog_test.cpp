@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -194,5 +194,5 @@ TEST(Watchdog, AForeignThreadThatDidNotBreakInIsStillRefused) {
   std::thread([&] { EXPECT_THROW(clock->sleep_for(1ms), std::logic_error); }).join();
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

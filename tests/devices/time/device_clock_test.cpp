@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -100,5 +100,5 @@ TEST(DeviceClock, BeginsAnewWhenTheDeviceWasRestarted) {
   EXPECT_EQ(*clock.host_of(2s), 21s);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

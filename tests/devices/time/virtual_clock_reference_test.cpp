@@ -16,7 +16,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -319,5 +319,5 @@ TEST(VirtualClockReference, times_and_seconds_are_the_same_in_both_directions) {
   EXPECT_EQ(later(5ns, kForever), kForever);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <thread>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -309,5 +309,5 @@ TEST(VirtualClockTurnsReference, tells_for_how_long_the_turn_has_not_changed_han
   EXPECT_LT(clock->stuck_for(), 140ms);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -15,7 +15,7 @@
 #include <time.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -268,5 +268,5 @@ TEST(WallClock, CountsFromTheBreakInWhatAWatchdogHoldsItUp) {
   EXPECT_LT(after, before);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using nlohmann::json;
 
@@ -162,5 +162,5 @@ TEST(FoxgloveSchemas, AreOfTheTableAlone) {
   EXPECT_EQ(foxglove_schema("Log")["title"], "foxglove.Log");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -8,7 +8,7 @@
 #include <limits>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -324,5 +324,5 @@ TEST(FindLine, CountsLinesAsLuaDoesAndTakesTheLastOfTwo) {
   EXPECT_EQ(find_line("return { x = 0x1p4, y = 3e-2,\n z = 1..'', w = 4 }", "w"), 2);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

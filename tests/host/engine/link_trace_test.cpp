@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -78,5 +78,5 @@ TEST(LinkTraceTest, HasTheSameBytesForTheSameSeed) {
   EXPECT_EQ(traced_run(false).find("link "), std::string::npos);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -17,7 +17,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -380,5 +380,5 @@ TEST_F(WatchedRun, TellsWhatChangedOnceAnInterval) {
   EXPECT_GE(told[1].second - told[0].second, 149ms);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

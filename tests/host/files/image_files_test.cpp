@@ -11,7 +11,7 @@
 #include <fstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(ImageFiles, stand_in_the_order_in_which_people_number_them) {
   EXPECT_TRUE(natural_less("frame_2.png", "frame_10.png"));
@@ -72,5 +72,5 @@ TEST(ImageFiles, pair_images_with_their_masks) {
   EXPECT_THROW(labeled_files(folder.path()), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::string refusal(const std::string& field, const std::string& value) {
   nlohmann::json sample;
@@ -122,5 +122,5 @@ TEST(RecordSchema, ExplainsEachTableAndColumnOnce) {
   EXPECT_THROW(create_table("songs"), std::logic_error);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -19,7 +19,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using reference::camera_of;
@@ -228,5 +228,5 @@ TEST(RecordFramesReference, a_run_ends_when_less_than_the_limit_of_its_kind_is_l
   EXPECT_FALSE(std::filesystem::exists(last.folder.path() / "reserve.room"));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

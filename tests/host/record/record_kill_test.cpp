@@ -27,7 +27,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Steady = std::chrono::steady_clock;
 
@@ -151,5 +151,5 @@ TEST(RecordKill, LosesNothingOlderThanASecond) {
               1e3 * ages.back());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

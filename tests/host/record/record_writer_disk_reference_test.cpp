@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using reference::add_stream;
@@ -189,5 +189,5 @@ TEST(RecordWriterDiskReference, what_a_failed_disk_did_not_take_is_written_at_th
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -18,7 +18,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using reference::add_stream;
@@ -273,5 +273,5 @@ TEST(RecordWriterReference, a_row_of_another_width_and_a_camera_that_is_none_are
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

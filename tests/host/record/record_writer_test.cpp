@@ -29,7 +29,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using test::servo_start;
 using test::TemporaryFolder;
@@ -526,5 +526,5 @@ TEST(Crc32, AgreesWithThePublishedCheckValue) {
   EXPECT_EQ(crc32("", 0), 0u);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

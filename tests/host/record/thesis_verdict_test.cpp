@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 ThesisVerdict verdict_of(const JudgedNumber& number) { return judge(number).verdict; }
 
@@ -81,5 +81,5 @@ TEST(ThesisVerdict, TheCountsAreApartAndWordsGoBothWays) {
   EXPECT_EQ(VerdictCounts().text(), "0 goals missed, 0 differ");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

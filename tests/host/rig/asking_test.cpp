@@ -25,7 +25,7 @@
 #include <set>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Names = std::vector<std::string>;
@@ -456,5 +456,5 @@ TEST_F(Asking, NoFilesQuestionIsAskedBeforeTheDrivers) {
   EXPECT_LE(longest_time(plan), 35);  // s, at a port that is silent: as docs/instruments.md says
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

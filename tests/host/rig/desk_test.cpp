@@ -23,7 +23,7 @@
 #include <thread>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -307,5 +307,5 @@ TEST(DiskNeed, WarnsOfFramesThatFillTheDiskWithinTenMinutes) {
             std::string::npos);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -13,7 +13,7 @@
 #include <thread>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -157,5 +157,5 @@ TEST_F(EmulatedFaultsTest, AreToldWithTheirTimesAndSoIsWhatNeverCame) {
   EXPECT_NE(told.find("fault never came: stage deaf after 1000 s"), std::string::npos) << told;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

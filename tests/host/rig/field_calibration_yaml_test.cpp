@@ -13,7 +13,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // The layout of the real files (keys in any order, block lists, ~ for none, a nested dash), with
 // numbers of our own.
@@ -300,5 +300,5 @@ TEST(FieldCalibrationFile, survives_any_damage_with_a_clear_error_or_a_field) {
   EXPECT_GT(refused, 2500);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -137,5 +137,5 @@ TEST(HeartbeatRig, ASensorOfACoilThatTheMachineHasNotIsRefused) {
       ConfigError);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 ConfigValue text(const char* value) { return {std::string(value)}; }
 
@@ -135,5 +135,5 @@ TEST(LineSettings, AnAmplifierOfOneLuaFileWithoutARescueIsNotEnergizedUnguardedB
   EXPECT_THROW(read_rig_settings(reader), ConfigError);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 ConfigValue quoted(const std::string& value) { return {value}; }
 
@@ -147,5 +147,5 @@ TEST(LoopRates, AskNothingWhereNoLoopTurns) {
   EXPECT_TRUE(beyond_links(loads_of_bops(30, eight("serial:/dev/ttyS"), 9600), {}).empty());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 ConfigValue table(ConfigTable values) { return {std::move(values)}; }
 ConfigValue list(std::initializer_list<double> numbers) {
@@ -226,5 +226,5 @@ TEST_F(CalibratedPlant, WithTheWrongCoilsOrElsewhereItIsRefused) {
   EXPECT_NE(opened().find("T per ampere"), std::string::npos) << opened();
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

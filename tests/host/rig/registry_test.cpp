@@ -22,7 +22,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 RigDescription rig_with(const std::string& role, ConfigTable table) {
   RigDescription description;
@@ -431,5 +431,5 @@ TEST(PluggedIn, SaysToPeopleThatTheRigFileDecides) {
   EXPECT_NE(said.find("no driver"), std::string::npos) << said;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -10,7 +10,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// A lamp that tells what becomes of it.
 class ToldLamp final : public Lamp {
@@ -119,5 +119,5 @@ TEST_F(ReloadedLamp, WhereNeitherOpensEachCallSaysSoUntilOneDoes) {
   EXPECT_TRUE(reloadable.at("lamp")->in_use());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

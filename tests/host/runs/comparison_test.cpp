@@ -8,7 +8,7 @@
 #include <limits>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
@@ -91,5 +91,5 @@ TEST(Comparison, WantsTwoToEightRuns) {
   EXPECT_THROW(compare_runs(std::vector<RunData>(9, run("a", 1, 1, 1))), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

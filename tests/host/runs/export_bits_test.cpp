@@ -18,7 +18,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using test::servo_start;
 using test::TemporaryFolder;
@@ -170,5 +170,5 @@ TEST_F(ExportBits, InHdf5AreNamedBesideSixteenBitImages) {
   EXPECT_NE(images.find("(0,0,0): 4095, 4095, 4095"), std::string::npos) << images;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -15,7 +15,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using test::read_file;
 using test::servo_start;
@@ -100,5 +100,5 @@ TEST(Ahead, GivesTheResultsInOrderAndTheErrorsInTheirPlaces) {
   EXPECT_EQ(left.take(), "x");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -16,7 +16,7 @@
 #include <limits>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 bool contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
@@ -267,5 +267,5 @@ TEST_F(Report, APlotComesBackFromTheRecordWithAllThatItHas) {
   EXPECT_EQ(plot_json(back), plot_json(plot));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

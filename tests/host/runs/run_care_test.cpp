@@ -28,7 +28,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 using test::servo_start;
@@ -316,5 +316,5 @@ TEST(RunCommands, ListFilterAndShowSpeakJson) {
   EXPECT_NE(words.str().find("187"), std::string::npos) << words.str();
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

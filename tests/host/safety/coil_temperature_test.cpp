@@ -11,7 +11,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Numbers of its own, so that none of them is 1 and no product has two readings.
 CoilHeat heat_of_test() {
@@ -105,5 +105,5 @@ TEST(CoilHeat, RefusesWhatNoCoilHasAndNamesIt) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

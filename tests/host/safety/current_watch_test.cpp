@@ -19,7 +19,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Currents = std::vector<double>;
@@ -272,5 +272,5 @@ TEST(CoilRest, OfASupplyThatIsGoneIsNotKnown) {
   EXPECT_NE(text.find("hung up"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -309,5 +309,5 @@ TEST(HeartbeatSettings, AreRefusedWhereTheOneShotIsTooShortForTheRate) {
   EXPECT_THROW((HeartbeatSettings{200, 0.1, 0.05}.check()), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -16,7 +16,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Currents = std::vector<double>;
 
@@ -355,5 +355,5 @@ TEST(InterlockLimitsOfEach, WhatGuardsNothingIsRefused) {
     EXPECT_TRUE(refused([&](InterlockLimits& one) { one.heat.limit = value; })) << value;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Currents = std::vector<double>;
@@ -338,5 +338,5 @@ TEST(InterlockLimitsOfLessThanOne, ArePossible) {
   EXPECT_THROW(slow.check(), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -13,7 +13,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class FakeAmplifier : public CoilAmplifier {
  public:
@@ -465,5 +465,5 @@ TEST_F(HeldCurrentTest, ACurrentOnItsWayToItsSetPointIsNoContradiction) {
   EXPECT_GT(amplifier.asked, 100);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

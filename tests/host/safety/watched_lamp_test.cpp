@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -229,5 +229,5 @@ TEST_F(BeatingLampTest, AWatchThatIsStuckLetsTheRelayOpen) {
   EXPECT_NE(failures[0].find("the watch of the lamp is stuck"), std::string::npos) << failures[0];
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 namespace vitreo::serve {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct Folder {
   Folder() : path(std::filesystem::temp_directory_path() / ("vitreo_queue_" + random_hex(8))) {
@@ -215,5 +215,5 @@ TEST(Job, ACommandCanBeTypedAsItIsShown) {
   EXPECT_NE(command_of(request).find("--repeat 3"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::serve

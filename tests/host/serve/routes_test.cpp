@@ -16,7 +16,7 @@
 #include <sys/stat.h>
 
 namespace vitreo::serve {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -271,5 +271,5 @@ TEST(JobProcess, ReadsHowARunEndedFromItsLastLine) {
   EXPECT_EQ(sweep.run, "s");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::serve

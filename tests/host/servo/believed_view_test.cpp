@@ -11,7 +11,7 @@
 #include <cmath>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(BelievedView, IsTheEllipseThatATrackerFindsInTheImage) {
   TestBench bench(1, {}, rig_of_known_size());
@@ -67,5 +67,5 @@ TEST(BelievedView, OfAPlainViewIsTheShadowOfTheEllipsoid) {
   EXPECT_THROW(BelievedView(model, camera, {1, 1, 0}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -12,7 +12,7 @@
 #include <memory>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct Round {
   double path = 0;    // m, rms, of the truth from the target
@@ -187,5 +187,5 @@ TEST(ColorFeedback, AModelOfOtherPicturesAndAMissingOneAreRefused) {
   EXPECT_NE(opening(std::move(small)).find("it is for 320 x 240"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

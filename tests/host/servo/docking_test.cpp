@@ -18,7 +18,7 @@
 #include <random>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kReading = 0.3 * 14.3e-6;  // m, noise of one coordinate
@@ -168,5 +168,5 @@ TEST(Docking, WithoutTheMeasuredAxisTheCoilsTurnItByMore) {
   EXPECT_GT(worst, 2 * kDegree);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -11,7 +11,7 @@
 #include <utility>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class FrameValidatorTest : public testing::Test {
  protected:
@@ -276,5 +276,5 @@ TEST_F(FrameValidatorTest, ACamerasClockMayDriftAsQuartzDoes) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -10,7 +10,7 @@
 #include <cmath>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using machines::SwimBench;
 
@@ -64,5 +64,5 @@ TEST(OscillatingController, IsForARobotWithAFlexibleTail) {
   EXPECT_THROW(RotatingController(machines::tail_model(), settings), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

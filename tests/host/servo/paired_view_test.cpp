@@ -7,7 +7,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Place = PairedView::Place;
 
@@ -40,5 +40,5 @@ TEST(PairedView, OfACameraThatComesAndGoesIsHeardByTheOtherAlone) {
   EXPECT_EQ(taken, 50);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -18,7 +18,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kPeriod = 1 / 15.0;
 constexpr double kNoise = 10e-6;  // m
@@ -127,5 +127,5 @@ TEST(PlantWatch, ACoilThatIsReversedAtRestIsNamed) {
   EXPECT_NE(found.fault, "");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

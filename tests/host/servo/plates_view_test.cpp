@@ -17,7 +17,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDeg = std::numbers::pi / 180;
 constexpr double kPixel = 14.3e-6;  // m
@@ -246,5 +246,5 @@ TEST(PlatesView, TheAxisIsFoundOfARobotThatComesRolledOutOfASteepTurn) {
     }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

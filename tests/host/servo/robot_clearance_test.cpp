@@ -15,7 +15,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 RigDescription rig_with_margin(double margin) {
   RigDescription description = whole_rig();
@@ -260,5 +260,5 @@ TEST_F(WallWatchTest, OneThatMovesOrIsThereOrIsFarFromEveryWallIsNot) {
     EXPECT_FALSE(watch.see(sight(k / 15.0, 4e-3, 3e-3)).pressed) << "in the middle of the eye";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -22,7 +22,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDeg = std::numbers::pi / 180;
 
@@ -267,5 +267,5 @@ TEST(Askew, ATakenAxisOfACylinderIsThatOfTheSpheroidWhichStandsForIt) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

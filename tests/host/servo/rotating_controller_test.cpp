@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using machines::centimeter;
 using machines::helix_model;
@@ -187,5 +187,5 @@ TEST(TwoRobots, AreChosenByTheirStepOut) {
   EXPECT_LT(one.second, 0.2 * one.first);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -10,7 +10,7 @@
 #include <cmath>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kAtRest = 2e-4;  // V: half a count of the converter
 
@@ -205,5 +205,5 @@ TEST(ServoAttitude, TurnsTheRobotsAxisWhereItIsTold) {
   EXPECT_GT(servo->status().axis->dot(wanted), std::cos(5 * M_PI / 180));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -13,7 +13,7 @@
 #include <optional>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -286,5 +286,5 @@ TEST(ServoControllerEstimatorReference, a_robot_without_currents_is_expected_to_
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

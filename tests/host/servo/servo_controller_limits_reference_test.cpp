@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -234,5 +234,5 @@ TEST(ServoControllerLimitsReference, settings_that_make_no_sense_are_refused) {
   EXPECT_NE(refusal(law, [](S& s) { s.period = kInfinity; }), "");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <optional>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -262,5 +262,5 @@ TEST(ServoControllerReference, orienting_currents_and_another_axis) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

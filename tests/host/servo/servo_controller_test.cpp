@@ -16,7 +16,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 RigModel model() {
   RigModel model;
@@ -351,5 +351,5 @@ TEST(ServoController, ARobotTooHeavyForTheCoilsIsAnErrorThatSaysSo) {
   EXPECT_THROW(loop.step(0.08, at(0, kPlace), hold(kPlace), ControlMode::leave), std::domain_error);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -10,7 +10,7 @@
 #include <cmath>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 double largest(const std::vector<double>& currents) {
   double most = 0;
@@ -404,5 +404,5 @@ TEST(SideCamera, ItSeesWhereTheRobotIs) {
   EXPECT_LT(error.rms, 30e-6) << "1.5 of its pixels; y is not seen and not compared";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -76,5 +76,5 @@ TEST_F(SidePairs, BeforeTheFirstFrameAreNone) {
   EXPECT_FALSE(buffer.at(3ms, 200ms));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -8,7 +8,7 @@
 #include <random>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -187,5 +187,5 @@ TEST(StampWatch, OfAnUnknownPeriodJudgesTheFutureAlone) {
   EXPECT_NE(watch.fault({{}, 3, 121ms, 120ms}, 120ms), "");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -8,7 +8,7 @@
 #include <cmath>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kUm = 1e-6;
 
@@ -69,5 +69,5 @@ TEST(ViewDoubt, AnEyeKnownByTable51AloneIsHalfAMillimeterOfDepth) {
   EXPECT_GT(after, 200 * kUm) << "the retina's own 0.3 mm stay in the absolute depth";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

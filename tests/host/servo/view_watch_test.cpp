@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Vessels on a bright ground, with noise of its own each time.
 cv::Mat scene(std::uint64_t number, const cv::Point2d& shift = {0, 0}) {
@@ -164,5 +164,5 @@ TEST_F(ViewWatchTest, OfASceneWithoutStructureSaysNoShift) {
   EXPECT_EQ(ViewWatch(stripes).look(aslant).shift_sigma_px, 1e9);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -8,7 +8,7 @@
 #include <cmath>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kUm = 1e-6;
 
@@ -48,5 +48,5 @@ TEST(WhatStays, TwoCamerasAreNotDrawnOffByARobotOfAnotherSize) {
   EXPECT_LT(std::sqrt(both.noise()(2, 2)), 4 * kUm);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -185,5 +185,5 @@ TEST_F(AlarmsTest, WithoutAnyTheMessageNamesNone) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using test::servo_start;
 using test::TemporaryFolder;
@@ -93,5 +93,5 @@ TEST_F(Statistics, NameWhatIsMissing) {
   EXPECT_EQ(error_of("truth", "target_"), "stream \"truth\" has no channel \"target_x\"");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

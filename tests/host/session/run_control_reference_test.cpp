@@ -23,7 +23,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Texts = std::vector<std::string>;
@@ -336,5 +336,5 @@ TEST(RunControlReference, the_watchdog_waits_for_a_request_and_no_longer_than_it
   EXPECT_EQ(control.tier(), StopTier::stop);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Texts = std::vector<std::string>;
@@ -246,5 +246,5 @@ TEST(RunControlStateReference, a_pause_asked_for_between_two_statements_is_of_th
   EXPECT_EQ(control.status().note, "");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
@@ -293,5 +293,5 @@ TEST_F(RunControlUnit, TheWatchdogIsWokenByARequestAndWaitsNoLongerThanItsPatien
   EXPECT_LT(Clock::now() - began, 4s);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Texts = std::vector<std::string>;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -178,5 +178,5 @@ process.exit(wrong === 0 ? 0 : 1);
   fs::remove_all(folder);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -10,7 +10,7 @@
 #include <tuple>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using nlohmann::json;
 
@@ -42,5 +42,5 @@ TEST(ErrorWords, OfOthersStay) {
   EXPECT_EQ(said([] { throw std::runtime_error("the stage is stuck"); }), "the stage is stuck");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

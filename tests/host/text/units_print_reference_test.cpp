@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -284,5 +284,5 @@ TEST(UnitsPrintReference, a_unit_in_print_stays_as_it_is) {
   EXPECT_EQ(print_unit("degC"), "°C");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

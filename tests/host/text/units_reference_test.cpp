@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // Definitions: BIPM, The International System of Units, 9th edition, tables 4, 7 and 8; 1 bar and
 // 1 St by the CGS.
@@ -258,5 +258,5 @@ TEST(UnitsReference, what_is_read_does_not_depend_on_the_programs_locale) {
   std::locale::global(before);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -10,7 +10,7 @@
 #include <set>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(Units, EverySymbolIsThereOnce) {
   std::set<std::string_view> seen;
@@ -150,5 +150,5 @@ TEST(Units, QuantitiesHaveNamesForErrors) {
   EXPECT_EQ(quantity_name("furlong"), "furlong");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

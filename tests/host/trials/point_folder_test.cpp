@@ -17,7 +17,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -263,5 +263,5 @@ TEST_F(PointFolderTest, TheRunnersOfTwoProcessesShareThePoints) {
     EXPECT_EQ(fs::file_size(place_ / ("begun_" + std::to_string(i))), 1U) << i;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -74,5 +74,5 @@ TEST_F(ReproductionLaboratory, IsEmptyWithoutAFileAndSaysWhenTheFileIsAnother) {
   EXPECT_THROW(join_laboratory(runs, file), std::runtime_error);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

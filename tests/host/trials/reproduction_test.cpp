@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 ConfigValue table(ConfigTable entries) { return {std::move(entries)}; }
 ConfigValue list(std::initializer_list<const char*> texts) {
@@ -145,5 +145,5 @@ TEST(Reproduction, ThesisAndOursAreInOneUnit) {
   EXPECT_NE(reproduction_markdown({run}).find("| 300 \u00b5m | 1250 \u00b5m |"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

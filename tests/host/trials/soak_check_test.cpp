@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 SoakPlan told(StopTier tier) {
   SoakPlan plan;
@@ -201,5 +201,5 @@ TEST(SoakCheck, DemandsNoCertainOutcomeOfAScriptThatMisbehavesButATrueOne) {
   EXPECT_FALSE(check_result(plan, {}, ended(Outcome::stopped, ExitCode::stopped, "by")).empty());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

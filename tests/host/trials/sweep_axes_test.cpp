@@ -7,7 +7,7 @@
 #include <set>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 Parameter number(const std::string& name, const std::string& unit, double min, double max) {
   Parameter made;
@@ -156,5 +156,5 @@ TEST(SweepAxes, TheNumberOfSettingsIsKnownBeforeTheyAreMade) {
   EXPECT_EQ(count_settings(axes, {}), 1e11);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -12,7 +12,7 @@
 #include <fstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -169,5 +169,5 @@ TEST_F(SweepTableTest, TheReportShowsMapLinesFailuresAndTheSlowestAndEscapesWhat
   EXPECT_THROW(sweep_report_html(rows, plan_of_twelve().head, "eror"), std::runtime_error);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

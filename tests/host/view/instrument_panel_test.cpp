@@ -16,7 +16,7 @@
 #include <string>
 
 namespace vitreo::view {
-namespace {
+namespace VITREO_TEST_FILE {
 
 RigDescription rig_with_a_stage() {
   RigDescription description = whole_rig();
@@ -214,5 +214,5 @@ TEST_F(InstrumentPanelTest, ACamerasQuantitiesAreFoundWhenAPersonLooks) {
   EXPECT_DOUBLE_EQ(std::stod(bench.roles().top_camera->feature("Gain")), 6);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::view

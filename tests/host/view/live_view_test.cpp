@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::view {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -194,5 +194,5 @@ TEST_F(LiveViewTest, WhoeverSeesItMayStopIt) {
   EXPECT_EQ(session.control.tier(), StopTier::stop);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::view

@@ -17,7 +17,7 @@
 #include <utility>
 
 namespace vitreo::view {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kShared = "00112233445566778899aabbccddeeff";
 
@@ -337,5 +337,5 @@ TEST_F(Subprotocol, DropsTheOldestOfWhatASlowProgramDoesNotRead) {
   EXPECT_LT(dropped, 1000U);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::view

@@ -13,7 +13,7 @@
 #include <optional>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 System small(const char* name, double stop_radius) {
   System eye = prescription(name).system;
@@ -169,5 +169,5 @@ TEST(Aberrations, RefusesWhatHasNoStopOrNoImage) {
   expect_refused("stop", [&] { (void)third_order_aberrations(eye, 1e-3); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

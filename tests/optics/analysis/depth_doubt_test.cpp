@@ -12,7 +12,7 @@
 #include <random>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kReach = 7e-3;
 const Eigen::Vector3d kAxis(1, 0, 0);
@@ -82,5 +82,5 @@ TEST(DepthDoubt, LiesAlongTheLineOfSight) {
   EXPECT_EQ(DepthDoubt{}.covariance(point), Eigen::Matrix3d::Zero()) << "nothing is doubted";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

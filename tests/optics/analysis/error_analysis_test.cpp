@@ -12,7 +12,7 @@
 #include <set>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const Prescription kEye = prescription("navarro_condensing");
 
@@ -101,5 +101,5 @@ TEST(ErrorAnalysis, BadOptionsAndUnknownParametersAreRefused) {
   });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

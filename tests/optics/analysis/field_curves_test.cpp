@@ -12,7 +12,7 @@
 #include <numbers>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -215,5 +215,5 @@ TEST(Spot, PointSpreadHoldsAllRaysAndTheWidthIsLeastAtBestFocus) {
   expect_refused("half_width", [&] { geometric_psf(spot, focus, kNan, 4); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

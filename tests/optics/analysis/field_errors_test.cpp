@@ -14,7 +14,7 @@
 #include <set>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 const Prescription kEye = prescription("navarro_condensing");
@@ -218,5 +218,5 @@ TEST(FieldErrors, BadOptionsAreRefusedByName) {
   pose("numerical_aperture", [](auto& o) { o.microscope.numerical_aperture = 0; });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

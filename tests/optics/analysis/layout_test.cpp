@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
@@ -120,5 +120,5 @@ TEST(Layout, WhatCannotBeDrawnIsRefused) {
   expect_refused("end_z", [&] { (void)ray_path(eye, {{0, 0, 0}, {0, 0, 1}}, nan); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -17,7 +17,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// One row of the table of indices of Escudero-Sanz & Navarro (1999).
 struct Media {
@@ -220,5 +220,5 @@ TEST(PublishedEyes, AsideTheWaveIsThatOfAnotherProgram) {
         << theirs.ansi;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -11,7 +11,7 @@
 #include <numbers>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
@@ -96,5 +96,5 @@ TEST(Viewing, RefusesWhatItCannotAnswer) {
   expect_refused("stop", [&] { (void)numerical_aperture(eye); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kFar = std::numeric_limits<double>::infinity();
 
@@ -261,5 +261,5 @@ TEST(Wavefront, BadArgumentsAreNamed) {
   expect_refused("wave", [&] { (void)diffraction_psf(far, 1e-6, 8); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -17,7 +17,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 const double kVitreous = 16.32 * kMm;
@@ -182,5 +182,5 @@ TEST(Calibration, AtItsPoleTheLawAnswersNothing) {
   EXPECT_FALSE(law.sensor_from_object(kNan));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 CameraFit a_camera() {
   CameraFit camera;
@@ -156,5 +156,5 @@ TEST(PoseCalibration, WhatNoScaleExplainsIsRefused) {
   expect_refused("observed", [&] { (void)calibrate_pose(settings, *seen, kAlongX, 60 * kMm); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const std::vector<double> kDepths{0, 2e-3, 4e-3, 6e-3, 8e-3};
 constexpr double kFocusSigma = 20e-6;  // m, of an autofocus
@@ -108,5 +108,5 @@ TEST(EyeEstimation, BadArgumentsAreRefused) {
   refused("measured", priors, good.head(2), sigmas().head(2));  // not what the model gives
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

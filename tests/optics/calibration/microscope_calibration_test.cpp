@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct TrueMicroscope {
   double power = 2.4;  // 1/m
@@ -125,5 +125,5 @@ TEST(MicroscopeCalibration, RefusesATargetThatDoesNotTell) {
   EXPECT_THROW(fit_microscope(broken), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

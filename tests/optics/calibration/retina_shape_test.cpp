@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -113,5 +113,5 @@ TEST(RetinaShape, PointsThatCannotSayAreRefused) {
   expect_refused("conic", [&] { (void)fit_retina(good, options); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

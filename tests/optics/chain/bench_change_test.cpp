@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Few parameters, of three parts.
 ChainBelief small_belief() {
@@ -145,5 +145,5 @@ TEST(BenchChange, FramesThatNoPlaceExplainsSpeakOfAnotherBench) {
   EXPECT_NEAR((found.covariance - Eigen::MatrixXd::Identity(6, 6)).norm(), 0, 1e-12);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

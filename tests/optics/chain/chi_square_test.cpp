@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 namespace vitreo::optics::detail {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // Printed tables of the distribution.
 TEST(ChiSquare, LimitsAreThoseOfTheTables) {
@@ -22,5 +22,5 @@ TEST(ChiSquare, BadArgumentsAreNamed) {
   EXPECT_THROW(chi_square_limit(2, 0.7), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics::detail

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 const Eigen::Vector3d kAxis(1, 0, 0);
 constexpr double kRest = 0.5e-3;  // m, of the robot's center as it lies
@@ -172,5 +172,5 @@ TEST(EyeLook, BadLooksAreNamed) {
   EXPECT_THROW((void)most_probable_eye(nominal, one), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -7,7 +7,7 @@
 #include <random>
 
 namespace vitreo::optics::detail {
-namespace {
+namespace VITREO_TEST_FILE {
 
 Surface lens_surface(double conic, double a4, double a6) {
   Surface surface;
@@ -75,5 +75,5 @@ TEST(LineDerivative, OfALineThatMissesOrIsReflectedThereIsNone) {
   EXPECT_FALSE(refract_inwards(chain_step(lens_surface(0, 0, 0), numbers), steep, by));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics::detail

@@ -11,7 +11,7 @@
 #include <cmath>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// The line of the product's tracer, through surfaces that the chain moved as a whole: a reference
 /// that shares the refraction formulas but no derivative, no layout and no line coordinates.
@@ -191,5 +191,5 @@ TEST(ChainEllipse, DerivativesAreDifferencesToTwoPercentOfTheLargest) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -13,7 +13,7 @@
 #include <string>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 const Prescription kTable = prescription("navarro_condensing");
@@ -196,5 +196,5 @@ TEST(LensDesign, BadOptionsAreRefusedByName) {
   expect_refused("stop", [&] { (void)design_lens(blind, those_of_table_3_4()); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Navarro's eye, its lens tilted by 4 degrees and decentered by 0.3 mm, its cornea toric.
 System tilted_eye() {
@@ -94,5 +94,5 @@ TEST(SkewSystem, APointNearATiltedLensIsJudgedByThatLens) {
   EXPECT_FALSE(tracer.in_vitreous({3 * kMm, 0, after + 1e-6}));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

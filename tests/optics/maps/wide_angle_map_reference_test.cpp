@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
@@ -150,5 +150,5 @@ TEST(WideAngleMapReference, moves_the_lens_as_it_is_told) {
   EXPECT_LT((image->m - mine.m).norm(), 2 * map.tail());
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -13,7 +13,7 @@
 #include <tuple>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 using reference::Case;
@@ -104,5 +104,5 @@ TEST(WideAngleMapSkewReference, sees_by_a_microscope_that_is_tilted_and_decenter
 }
 TEST(WideAngleMapSkewReference, sees_through_a_cornea_that_has_slipped) { expect_map(slipped()); }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -15,7 +15,7 @@
 #include <random>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -393,5 +393,5 @@ TEST(ThesisCurves, RefusesBadArguments) {
   expect_refused("conic", [&] { fit_thesis_curves(map, settings); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

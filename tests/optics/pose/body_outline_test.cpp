@@ -18,7 +18,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using detail::BodyState;
 using Vector = Eigen::Vector3d;
@@ -407,5 +407,5 @@ TEST(SixDegrees, ACylindersTruePoseIsAmongThoseThatItsEllipseLeaves) {
   RecordProperty("milliseconds", std::to_string(found.milliseconds));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -10,7 +10,7 @@
 #include <cmath>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct Views {
   ObjectPoseSettings body;
@@ -64,5 +64,5 @@ TEST(EquivalentEllipse, OfASpheroidItIsItsOwn) {
   EXPECT_LT((*same - *seen).norm(), 1e-9);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

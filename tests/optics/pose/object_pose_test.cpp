@@ -15,7 +15,7 @@
 #include <random>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 const Eigen::Vector3d kPlace(2 * kMm, 1 * kMm, 5 * kMm);
@@ -527,5 +527,5 @@ TEST(ObjectPose, BadArgumentsAreNamed) {
   expect_refused("semi_axes", [&] { settings.check(); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

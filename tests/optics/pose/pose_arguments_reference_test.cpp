@@ -13,7 +13,7 @@
 #include <string>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
 
@@ -216,5 +216,5 @@ TEST(PoseReferenceArguments, of_each_call_are_checked) {
   names("covariance", [&] { locate(weighted, seen(), broken, kAxis, kPosition); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

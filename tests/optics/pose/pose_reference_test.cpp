@@ -18,7 +18,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
@@ -297,5 +297,5 @@ TEST(PoseReference, weighs_by_the_covariance_when_told_to) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

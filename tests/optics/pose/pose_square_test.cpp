@@ -10,7 +10,7 @@
 #include <stdexcept>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct SquareError {
   double rms = 0, lateral_rms = 0, max = 0;
@@ -75,5 +75,5 @@ TEST(PoseOnTheSquare, AFinitePupilIsLocalizedWithItsOwnFit) {
   EXPECT_LT(own, wrong_observer / 2);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -14,7 +14,7 @@
 #include <random>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -298,5 +298,5 @@ TEST(Pose, LocateNeedsFewStepsFromTheFrameBefore) {  // what a frame costs in ti
   EXPECT_LE(found->iterations, 4) << "three today";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
@@ -313,5 +313,5 @@ TEST(ExactProjectionArguments, are_finite_points) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
@@ -300,5 +300,5 @@ TEST(ExactProjectionReference, takes_the_viewpoint_half_way_between_the_foci) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

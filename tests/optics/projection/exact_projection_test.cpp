@@ -17,7 +17,7 @@
 #include <random>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -240,5 +240,5 @@ TEST(ExactPose, OutsideTheTableThereIsNoAnswer) {
   EXPECT_FALSE(first_guess(settings, far, kAlongX));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo::optics::detail {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(ProjectionModel, ALineOfSightHasAUnitDirectionAndPassesThePointsThatItsPixelShows) {
   const System eye = model_eye_5_3();
@@ -30,5 +30,5 @@ TEST(ProjectionModel, ALineOfSightHasAUnitDirectionAndPassesThePointsThatItsPixe
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics::detail

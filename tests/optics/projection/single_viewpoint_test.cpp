@@ -11,7 +11,7 @@
 #include <limits>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -193,5 +193,5 @@ TEST(SingleViewpoint, ImageScaleShowsWorldXToTheRightAndWorldYUp) {
   EXPECT_LT((image.m_from_pixel(image.pixel_from_m(m)) - m).norm(), 1e-15);  // rounding of 500 px
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

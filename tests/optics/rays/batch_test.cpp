@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -158,5 +158,5 @@ TEST(Batch, RefusesBadArguments) {
   expect_refused("surface 3", [&] { BatchTracer tracer(system); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -10,7 +10,7 @@
 #include <limits>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kExact = 1e-13;  // m; as in trace_test: rounding over the chain
@@ -154,5 +154,5 @@ TEST(Observer, CheckNamesTheParameter) {
   expect_refused("m", [] { (void)isopixel_line(model_eye_5_3(), Microscope{}, {kNan, 0}); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

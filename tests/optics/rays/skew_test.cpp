@@ -21,7 +21,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Numbers between -1 and 1, the same on every machine.
 class Random {
@@ -315,5 +315,5 @@ TEST(Skew, RetinasAndOverlargeTiltsAreRefusedByName) {
   expect_refused("first", [&] { place_group(eye, 1, 3, {}, {0, 0, 0}); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

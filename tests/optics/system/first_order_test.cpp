@@ -15,7 +15,7 @@
 #include <limits>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // Half a unit of the last of five printed decimals, in mm.
 constexpr double kPrinted = 0.5e-5 * kMm * 1.0001;
@@ -177,5 +177,5 @@ TEST(FirstOrder, RefusesWhatIsNotThere) {
   expect_refused("to", [&] { (void)system_matrix(eye, 2, 9); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

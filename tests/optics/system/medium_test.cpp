@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(Medium, IndicesAreThosePrinted) {
   constexpr double kD = 589.3e-9;
@@ -55,5 +55,5 @@ TEST(Medium, NamesAreKnownAndOtherRangesRefused) {
                  [] { (void)at_wavelength(prescription("liou_brennan").system, 900e-9); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

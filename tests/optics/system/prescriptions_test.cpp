@@ -12,7 +12,7 @@
 #include <limits>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -185,5 +185,5 @@ TEST(PrescriptionRows, WithoutNamesAreNumbered) {
   EXPECT_EQ(parameter(eye, "medium_2.index"), 1.42);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

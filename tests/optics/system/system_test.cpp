@@ -9,7 +9,7 @@
 #include <limits>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // Lengths of millimeters in m are rounded at 1e-18; a few operations later they still agree to
@@ -84,5 +84,5 @@ TEST(System, CheckNamesTheSurfaceAndTheParameter) {
   refused("surfaces", [](System& eye) { eye.surfaces.resize(1); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

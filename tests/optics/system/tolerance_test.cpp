@@ -10,7 +10,7 @@
 #include <cmath>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST(Tolerance, Table51HasElevenParametersOfTheEyeAndTheLensIndexAtFourPerCent) {
   const auto table = table_5_1();
@@ -105,5 +105,5 @@ TEST(Tolerance, UncertaintiesThatMakeNoSenseAreRefused) {
   expect_refused("uncertainties", [&] { (void)monte_carlo(thin, half, 1, random); });
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

@@ -18,7 +18,7 @@
 #include <vector>
 
 namespace vitreo::optics {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Navarro's eye as it is usually modeled: light comes from infinity, the image is the retina.
 std::string navarro_file() {
@@ -380,5 +380,5 @@ TEST(Zemax, BrokenFilesGiveASoundSystemOrARefusalAndNothingElse) {
   EXPECT_GT(sound, 500);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics

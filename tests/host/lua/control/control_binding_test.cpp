@@ -3,7 +3,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class ControlBinding : public LuaBench {};
 
@@ -164,5 +164,5 @@ TEST_F(ControlBinding, BadInputIsNamed) {
              {"control.circle"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

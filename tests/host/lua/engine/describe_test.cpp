@@ -2,7 +2,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Describe = LuaBench;
 
@@ -241,5 +241,5 @@ TEST(Arguments, WrongOnesNameTheParameterAndWhatItWants) {
              {"laps: is given twice"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

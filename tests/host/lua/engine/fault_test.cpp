@@ -18,7 +18,7 @@
 #include <thread>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kZeroVolts = 5e-3;
 
@@ -391,5 +391,5 @@ TEST_F(FaultTest, WhatMakesNoSenseIsRefusedByName) {
   EXPECT_NE(ending.result.reason.find("p.lua:4"), std::string::npos) << ending.result.reason;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -14,7 +14,7 @@
 #include <string>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -90,5 +90,5 @@ TEST_P(LaboratoryProtocols, PassTheDryRunOrSayThatTheyAreForSimulatedRigs) {
 INSTANTIATE_TEST_SUITE_P(Shipped, LaboratoryProtocols, testing::ValuesIn(shipped_protocols()),
                          [](const auto& made) { return made.param; });
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -17,7 +17,7 @@
 #include <utility>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// A laboratory whose only real instrument is a teslameter on the loopback; `others` are lines of
 /// the rig file.
@@ -192,5 +192,5 @@ TEST_F(LaboratoryRigTest, RehearsesTheBranchThatRuns) {
   EXPECT_NE(events.find("real"), std::string::npos) << events;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -15,7 +15,7 @@
 #include <map>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 // The reason of those that do not complete.
 const std::map<std::string, std::string> kEndings{
@@ -55,5 +55,5 @@ std::string as_words(const testing::TestParamInfo<std::string>& one) {
 
 INSTANTIATE_TEST_SUITE_P(OfTheSoak, MisbehavingScript, testing::ValuesIn(misbehaviors()), as_words);
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

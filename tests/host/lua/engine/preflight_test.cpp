@@ -20,7 +20,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kSimulated = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
 constexpr const char* kLaboratory = VITREO_SOURCE_DIR "/scripts/rigs/octomag_lab.lua";
@@ -464,5 +464,5 @@ TEST_F(KeptFrames, TheInstrumentsClockIsMappedToTheHosts) {
   EXPECT_NEAR(offsets->at(offsets->times.size() - 1, 0), 7, 1e-6) << "s";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

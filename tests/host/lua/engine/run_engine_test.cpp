@@ -14,7 +14,7 @@
 #include <sstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr double kZeroVolts = 2e-4;  // half a count of the converter
 
@@ -306,5 +306,5 @@ TEST(RunEngine, AFolderThatCannotBeMadeIsNamed) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

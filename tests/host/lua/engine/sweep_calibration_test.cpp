@@ -10,7 +10,7 @@
 #include <fstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -75,5 +75,5 @@ TEST_F(SweepCalibration, ThatIsInstalledMeanwhileEndsTheSweep) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -17,7 +17,7 @@
 #include <vector>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kPose = R"(
 return { title = "by the pose sensor", coils = {}, pose_sensor = {}, sample = {} }
@@ -218,5 +218,5 @@ assert(rig.coils:currents()[1] == 0)
       << events;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -4,7 +4,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using BadInput = LuaBench;
 
@@ -282,5 +282,5 @@ TEST_F(BadInput, AlarmsOfAScriptAreLatchedShownRecordedAndAcknowledged) {
   expect_all(run("run:acknowledge('nothing')").error, {"no alarm 'nothing' stands"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

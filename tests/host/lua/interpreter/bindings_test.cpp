@@ -4,7 +4,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Bindings = LuaBench;
 
@@ -179,5 +179,5 @@ TEST_F(Bindings, ParametersArriveInSi) {
             "");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

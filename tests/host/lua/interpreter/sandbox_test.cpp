@@ -4,7 +4,7 @@
 #include <lua.hpp>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Sandbox = LuaBench;
 
@@ -232,5 +232,5 @@ TEST_F(Sandbox, ScriptErrorsCarryFileLineAndTrace) {
              {"no parameter sped", "did you mean speed"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

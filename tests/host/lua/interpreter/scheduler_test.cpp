@@ -2,7 +2,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Waiting = LuaBench;
 
@@ -149,5 +149,5 @@ TEST_F(Waiting, EachKeepsTheProgress) {
     EXPECT_NEAR(listener.fractions[i], wanted[i], 1e-12) << i;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

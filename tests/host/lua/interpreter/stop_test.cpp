@@ -9,7 +9,7 @@
 #include <thread>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::atomic<ScriptEngine*> the_engine{nullptr};
 std::atomic<Clock*> the_clock{nullptr};
@@ -242,5 +242,5 @@ TEST_F(Stopping, ErrorsOfCleanUpDoNotHideTheFirst) {
   expect_all(run("run:defer(function() error('only') end)").error, {"p.lua:2: only"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -5,7 +5,7 @@
 #include <fstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class OpticsBinding : public LuaBench {
  protected:
@@ -310,5 +310,5 @@ TEST_F(OpticsBinding, HelpTellsOfTheModuleAndItsObjects) {
              {"optical_system:wide_angle_map(", "optical_system:spot("});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -3,7 +3,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class OpticsChain : public LuaBench {
  protected:
@@ -94,5 +94,5 @@ TEST_F(OpticsChain, AKnownHeightHasASigma) {
       "exact.image_scale_sigma)");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -3,7 +3,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class OpticsLocalizer : public LuaBench {
  protected:
@@ -294,5 +294,5 @@ TEST_F(OpticsLocalizer, WhatToMeasureIsRankedAndAStopEndsIt) {
   EXPECT_NE(ended.error.find("enough"), std::string::npos) << ended.error;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

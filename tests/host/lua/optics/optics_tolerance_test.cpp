@@ -4,7 +4,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class OpticsTolerance : public LuaBench {
  protected:
@@ -135,5 +135,5 @@ TEST_F(OpticsTolerance, AMapForAnObserverWhoLooksAskewGoesThereAndBack) {
   expect_refused("eye:wide_angle_map { microscope = { tilt = { 2, 0 } } }", {"tilt"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

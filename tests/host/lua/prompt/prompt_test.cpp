@@ -2,7 +2,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Prompt = LuaBench;
 
@@ -169,5 +169,5 @@ TEST_F(Prompt, FitsTellParametersWithTheirSigmasAndLetErrorsThrough) {
       {"mine", "f: wants a number back, got a string", "x: wants more than 2 samples"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -19,7 +19,7 @@
 #include <sstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// A heater of which a test says another version each time that it is read anew.
 constexpr const char* kHeater = R"lua(
@@ -423,5 +423,5 @@ TEST_F(Reload, AScriptIsGivenTheInstrumentOfAKind) {
                     "several are of the kind actuator: hall, room; name one of them"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

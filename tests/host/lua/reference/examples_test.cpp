@@ -12,7 +12,7 @@
 #include <set>
 
 namespace vitreo::lua {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Every role: the simulated laboratory, and instruments of its kind beside it.
 constexpr const char* kRig = R"(
@@ -344,5 +344,5 @@ TEST(ResultTables, RefuseAFieldOrAUnitThatTheRowHasNot) {
   expect_all(refused([](Call& call) { return call.result(1.0, "m"); }), {"pushed in 'm'"});
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::lua

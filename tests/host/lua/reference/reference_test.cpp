@@ -25,7 +25,7 @@
 #include <unistd.h>
 
 namespace vitreo::lua {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::string read_text(const std::filesystem::path& file) {
   std::ifstream in(file);
@@ -398,5 +398,5 @@ TEST(ApiReference, HoldsEveryCallAndTheOneInDocsIsIt) {
       << "make reference prints it anew";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::lua

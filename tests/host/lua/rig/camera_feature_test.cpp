@@ -5,7 +5,7 @@
 #include <map>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 
@@ -88,5 +88,5 @@ TEST_F(CameraFeature, TheScriptGoesOnWhileTheCameraAnswers) {
             "");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -10,7 +10,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class OperatorBinding : public LuaBench {
  protected:
@@ -91,5 +91,5 @@ TEST_F(OperatorBinding, SteersByTheJoystickUntilTheDeadManIsReleased) {
             "");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -3,7 +3,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class ServoBinding : public ::testing::Test {
  protected:
@@ -181,5 +181,5 @@ TEST(Protocols, ServoSquareRunsASmallSquare) {
   EXPECT_GE(bench.recorder->pictures().size(), 2u);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -8,7 +8,7 @@
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 class StageBinding : public LuaBench {
  protected:
@@ -181,5 +181,5 @@ TEST_F(StageBinding, MeasuresInTesla) {
             "");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

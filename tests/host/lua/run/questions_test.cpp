@@ -4,7 +4,7 @@
 #include "tests/host/lua/run/run_control_bench.h"
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct OperatorQuestions : RunControlTest {};
 
@@ -115,5 +115,5 @@ TEST_F(OperatorQuestions, RemindersComeBackUntilTheyAreClosed) {
   EXPECT_EQ(ear.said, "reminder: drops;reminder: drops;reminder: drops;");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

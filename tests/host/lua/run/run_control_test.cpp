@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kEnergized = "rig.coils:set_currents { 2, 2, 2, 2, 2, 2, 2, 2 }\n";
 
@@ -438,5 +438,5 @@ TEST_F(RunControlTest, AScriptThatComesBackWithinTheGraceEndsInOrderWithTheCoils
   EXPECT_EQ(ear.said, "now;0.0;");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

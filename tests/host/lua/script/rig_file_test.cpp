@@ -8,7 +8,7 @@
 #include <chrono>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 struct RigFile : LuaBench {
   RigDescription load(const std::string& text) { return engine->load_rig(write("r.lua", text)); }
@@ -157,5 +157,5 @@ TEST_F(RigFile, WhatWouldNotEndInsideOneCallIsRefused) {
   EXPECT_LT(took.count(), 60) << "2 s of the thread's time are the limit; the rest is other load";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

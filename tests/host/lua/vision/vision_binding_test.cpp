@@ -8,7 +8,7 @@
 #include <fstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// Ten frames and four masks, made once for all tests.
 const TemporaryFolder& recorded() {
@@ -298,5 +298,5 @@ TEST_F(VisionBinding, ACameraGivesItsImages) {
       "frame.image:mean({ x = 0, y = 0, width = 1, height = 1 }).gray == 7)");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -10,7 +10,7 @@
 #include <limits>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Kind = KnownSetting::Kind;
 
@@ -164,5 +164,5 @@ TEST(RigDraft, AnAnswerThatIsGivenAnewTakesItsOldPlace) {
   EXPECT_EQ(draft.find("lamp"), nullptr);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -16,7 +16,7 @@
 #include <set>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using Kind = InterviewReply::Kind;
 using Answers = std::map<std::string, std::string>;
@@ -396,5 +396,5 @@ TEST_F(NewRig, OnlyTheModelsOwnTextsAreThoseOfNoRole) {
     EXPECT_TRUE(roles.contains(role) || not_asked.contains(role)) << role;
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

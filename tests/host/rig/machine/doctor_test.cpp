@@ -15,7 +15,7 @@
 #include <set>
 
 namespace vitreo::machine {
-namespace {
+namespace VITREO_TEST_FILE {
 
 std::string told(const Findings& findings) { return to_text(findings, 200, false); }
 
@@ -466,5 +466,5 @@ TEST(Doctor, QuotesWordsForTheShell) {
   EXPECT_EQ(shell_word(""), "''");
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::machine

@@ -10,7 +10,7 @@
 #include <cstring>
 
 namespace vitreo::machine {
-namespace {
+namespace VITREO_TEST_FILE {
 
 User user_in_group(unsigned id, std::set<unsigned> groups) {
   User user;
@@ -160,5 +160,5 @@ TEST(Needs, AreTheRigsAddressesOutsideTheProgram) {
   EXPECT_EQ(camera.socket_buffer, 4 << 20) << "the driver's own";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::machine

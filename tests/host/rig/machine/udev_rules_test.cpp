@@ -14,7 +14,7 @@
 #include <sstream>
 
 namespace vitreo::machine {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// What a rule may ask of a device: "SUBSYSTEM", "ATTR{idVendor}" ...
 using Device = std::map<std::string, std::string>;
@@ -182,5 +182,5 @@ TEST(UdevRules, AreReadAsUdevReadsThem) {
   EXPECT_FALSE(fits("a|b*", ""));
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::machine

@@ -11,7 +11,7 @@
 #include <sys/wait.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 using nlohmann::json;
 
@@ -126,5 +126,5 @@ TEST_F(ForeignZeroing, OfAUsb3103IsNoticedWithin200MsByACurrentSensor) {
   EXPECT_LT(took.back().zeroed, 200);
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

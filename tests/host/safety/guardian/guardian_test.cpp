@@ -16,7 +16,7 @@
 #include <unistd.h>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 TEST_F(GuardianTest, ZeroesAnAmplifierOnUsbWhenTheHostIsKilled) {
   Usb amplifier;
@@ -202,5 +202,5 @@ TEST_F(GuardianTest, OutlivesTheControlGroupOfItsHost) {
   }
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -11,7 +11,7 @@
 #include <map>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 /// A BOP on a pseudo-terminal, which has another path each time that it is plugged in: the rig file
 /// has a lasting name, as those in /dev/serial/by-id.
@@ -175,5 +175,5 @@ TEST_F(OutputsTest, WithAStaticLineTheyStayOnWhenHostAndGuardianAreKilledAtOnce)
   EXPECT_EQ(coils.interface.number("port_latch"), 1) << "and the line is high";
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

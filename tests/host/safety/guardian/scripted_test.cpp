@@ -6,7 +6,7 @@
 #include <fstream>
 
 namespace vitreo {
-namespace {
+namespace VITREO_TEST_FILE {
 
 constexpr const char* kFile = R"lua(
 return {
@@ -51,5 +51,5 @@ TEST_F(GuardianTest, IsMissedWhileACurrentOfALuaFileIsHeld) {
   EXPECT_TRUE(guardian_says("the process that guards the outputs is gone")) << log();
 }
 
-}  // namespace
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the object is not, or not yet: the search of the image, and what it takes to be believed.
+#include "vision/color_tracker_state.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace vitreo::vision {
+namespace {
+
+// Sizes that are searched besides the known one, in turn.
+constexpr std::array<double, 5> kSizes{0.7, 1.4, 0.5, 2.0, 1.0};
+// What a frame's search may cost, in looks at a candidate; a search of the image costs as much as
+// one for an object of kOneLook_px semi-minor axis, and more where it has smaller cells.
+constexpr int kFrameWork = 9;
+constexpr double kOneLook_px = 15;
+constexpr int kMostSearchWork = 4;
+constexpr int kLooksEach = 2;        // at a candidate
+constexpr double kOtherSize = 0.22;  // natural logarithm, from which a size is another one
+// A measurement from a rough position that ends this near to it (px) with this inlier fraction
+// needs no second one.
+constexpr double kRough = 4.0;
+constexpr double kSure = 0.8;
+// Correlation of the picture where something was found, then and now, from which nothing has left
+// that place.
+constexpr double kUnchanged = 0.9;
+
+// Cells are as wide as the object is thin.
+int search_work(const Eigen::Vector2d& axes) {
+  const double cells = kOneLook_px / axes.y();
+  return std::clamp(static_cast<int>(std::lround(cells * cells)), 1, kMostSearchWork);
+}
+
+}  // namespace
+
+// The audit asks for the trained size and for the others apart: what has the one size on a ground
+// need not have another.
+const FalseBelief::Asked& ColorTracker::State::asked_of(const Ellipse& e) const {
+  return std::abs(std::log(size_of(e))) < kOtherSize ? model.audit.as_trained : model.audit.resized;
+}
+
+// There is no step from the last position that could be a velocity. Found again, the object keeps
+// its slow mean of the axes; of one never seen the mean starts here.
+void ColorTracker::State::find(const cv::Mat& image, const Observation& seen) {
+  const Ellipse& e = seen.measured->ellipse;
+  velocity_px.setZero();
+  turn = 0;
+  growth = 0;
+  if (state == TrackState::searching || std::abs(std::log(size_of(e) / size_of(last))) > kOtherSize)
+    axes_px = {e.semi_major_px, e.semi_minor_px};
+  last = e;
+  unseen = 0;
+  found_px = e.center_px;
+  heading_odds = 0;
+  last_center_worth = last_shape_worth = 1;
+  found_reach_px = e.semi_major_px;
+  found_doubtful = false;
+  found_ground = GroundRing(image, e);
+  found_place = place_found(image);
+}
+
+// Where it was found: circles that cross the rim of an object of that size. What has nothing to
+// tell there has no rim.
+GroundRing ColorTracker::State::place_found(const cv::Mat& image) const {
+  const double thin = found_reach_px * trained_axes().y() / trained_axes().x();
+  return {image, found_px, thin};
+}
+
+// Against the ground: what stands still on a ground that stands still, or moves with one that
+// moves, may be a part of it. Rings are of one radius, or they are of different ground. A part of
+// the ground that has no outline of its own is looked at here and there, in one size and another,
+// over pixels that stay as they are.
+bool ColorTracker::State::moved(const cv::Mat& image, const Judged& look) const {
+  const double sigma = std::sqrt(calibrated(look).covariance.topLeftCorner<2, 2>().trace() / 2);
+  const Eigen::Vector2d& now = look.seen.measured->ellipse.center_px;
+  if ((now - found_px).norm() <= std::max(settings.moved_px, 4 * sigma)) return false;
+  if (!found_place.tells() || found_place.same_ground(place_found(image), kUnchanged)) return false;
+  return !found_ground.same_ground(GroundRing(image, {now, found_reach_px, 1, 0}));
+}
+
+// One more frame agrees with a new find. It is believed when enough do, and, of a ground that the
+// audit saw taken for the object, when nothing else is nearly as like it, or it moves as no part of
+// the ground does.
+void ColorTracker::State::confirm(const cv::Mat& image, const Judged& look, Track& track) {
+  ++agreed;
+  const FalseBelief::Asked& asked = asked_of(look.seen.measured->ellipse);
+  margin = std::min(margin, look.worth.likeness - asked.most_likeness);
+  track.margin = margin;
+  // A look at a part of the ground may grow out of the size for which the audit took it.
+  found_doubtful = found_doubtful || asked.answered > 0;
+  const bool sure = !found_doubtful || margin > settings.sure_margin;
+  if (agreed >= settings.confirm_frames && (sure || moved(image, look)))
+    report(image, look, track);
+  else
+    track.candidate = last;
+}
+
+// As if it had never been found: the object is still where it was believed last.
+void ColorTracker::State::drop_candidate() {
+  if (agreed == 0) return;
+  agreed = 0;
+  last = believed;
+  axes_px = believed_axes_px;
+  growth = 0;
+  velocity_px.setZero();
+  turn = 0;
+}
+
+// A candidate of the search, measured: twice at most, from the rough position, then from the first
+// result. The prior is wide, as the candidate's position is good to some px and its angle to some
+// tenths of rad. Returns how often it was looked at; nothing is measured where it is no object.
+// More is asked of an object found anew (min_inliers_new) than of one followed: the whole image has
+// more that looks like it.
+int ColorTracker::State::look_at(const cv::Mat& image, const Owned& owned, Ellipse start,
+                                 const Eigen::Vector2d& axes, int looks, Observation& seen) {
+  start.semi_major_px = axes.x();
+  start.semi_minor_px = axes.y();
+  int round = 0;
+  while (round < std::min(looks, kLooksEach) && in_image(start)) {
+    const EllipsePrior prior{start, 8, 2.5, 0.4};
+    seen = view.observe(image, start, settings.view.gate_px, prior, owned);
+    ++round;
+    if (!seen.measured) return round;
+    const bool near = (seen.measured->ellipse.center_px - start.center_px).norm() < kRough;
+    start = seen.measured->ellipse;
+    if (near && seen.measured->inlier_fraction > kSure) break;
+  }
+  if (!good(seen, start, axes, settings.jump_px, settings.min_inliers_new)) seen.measured.reset();
+  return round;
+}
+
+// The candidates of the search under one guess of the light and of the size, as long as there are
+// looks left; the best of all guesses stays. Two looks at one body, by two guesses, are one
+// candidate. Returns the looks that are left.
+int ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d& axes, int looks,
+                                   const cv::Mat& image, const Owned& owned) {
+  const Eigen::Vector2d middle(image.cols / 2.0, image.rows / 2.0);
+  const bool known = state != TrackState::searching;
+  search_source->set_light(gains);
+  search.set_size(axes);
+  view.set_light(gains);
+  for (const Ellipse& start : search.find(image, *search_source, known ? last.center_px : middle,
+                                          settings.candidates, owned.map, owned.self)) {
+    if (looks <= 0) break;
+    Judged look;
+    looks -= look_at(image, owned, start, axes, looks, look.seen);
+    if (!look.seen.measured) continue;
+    const Ellipse& e = look.seen.measured->ellipse;
+    look.free_axes_px = {e.semi_major_px, e.semi_minor_px};
+    look.worth = worth_of(look.seen);
+    const double likeness = look.worth.likeness;
+    if (!pick.best) {
+      pick.best = look;
+      pick.gains = gains;
+      continue;
+    }
+    const double of_best = pick.best->worth.likeness;
+    const bool same =
+        (look.seen.measured->ellipse.center_px - pick.best->seen.measured->ellipse.center_px)
+            .norm() < model.semi_axes_px.y();
+    if (!same) pick.second = std::max(pick.second, std::min(likeness, of_best));
+    if (likeness <= of_best) continue;
+    pick.best = look;
+    pick.gains = gains;
+  }
+  return looks;
+}
+
+// Re-detection, in the light as it was and, where that finds nothing like the object, in one more
+// way a frame, which bounds a frame's time: the other lights that it may be, and another size, in
+// turn. The candidate most like the object in training is the find, and by how much it is more so
+// than the second is its margin.
+bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
+  pick.best.reset();
+  pick.second = model.audit.as_trained.most_likeness;
+  const Eigen::Vector2d axes = state == TrackState::searching ? trained_axes() : axes_px;
+  const LightMemory::Guesses guesses = light.guesses(model.light);
+  const std::size_t lights = settings.adapt ? guesses.count - 1 : 0;
+  const std::size_t ways = lights + (settings.any_size ? 1 : 0);
+  const std::size_t way = ways > 0 ? size_turn % ways : 0;
+  const bool resized = way >= lights;
+  const double size = ways > 0 && resized ? kSizes[size_turn / ways % kSizes.size()] : 1;
+  const Eigen::Vector2d other = resized ? Eigen::Vector2d(size * trained_axes()) : axes;
+  const int reserve = ways > 0 ? search_work(other) + kLooksEach : 0;
+  const int looks = std::max(kFrameWork - search_work(axes) - reserve, kLooksEach);
+  const int left = search_in(guesses.gains[0], axes, looks, image, owned);
+  const bool none = !pick.best || pick.best->worth.likeness < settings.min_likeness_new;
+  if (none && ways > 0) {
+    ++size_turn;
+    if (resized) pick.second = std::max(pick.second, model.audit.resized.most_likeness);
+    search_in(guesses.gains[resized ? 0 : way + 1], other, left + kLooksEach, image, owned);
+  }
+  if (!pick.best) return false;
+  track.likeness = pick.best->worth.likeness;
+  if (track.likeness < settings.min_likeness_new) return false;
+  light.take(pick.gains);
+  find(image, pick.best->seen);
+  margin = pick.best->worth.likeness - pick.second;
+  agreed = 0;
+  confirm(image, *pick.best, track);
+  return true;
+}
+
+}  // namespace vitreo::vision
