@@ -74,7 +74,8 @@ class PlantWatch {
   Motions velocities(const Eigen::Vector3d& position) const;
   Eigen::Vector3d force(const control::FieldGradient& made) const;
   std::optional<Eigen::Vector3d> drift() const;
-  void look_back(const Eigen::Vector3d& slow);
+  bool look_back(const Eigen::Vector3d& slow);
+  bool unanswered() const;
   Verdict judge(const Sample& then, const Sample& now, const Eigen::Vector3d& drift) const;
   std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
 
