@@ -43,6 +43,7 @@ constexpr int kPlantStoodFor = 4;  // measurements in a row
 // healthy machine's drift changes too, and a robot that is held in place against it is told as much
 // and stands: docs/control.md.
 constexpr double kPlantBent = 60e-6;
+constexpr double kPlantLeastBentSpan = 0.25;  // s
 // s after the robot was found: places by outlines of another attitude were up to 1.5 mm off, in two
 // to five frames, and a drift of millimeters per second came of it that no motion had.
 constexpr double kPlantTurnsIn = 0.5;
@@ -98,7 +99,7 @@ void PlantWatch::found(double time) {
 // The currents go on: what was commanded still acts.
 void PlantWatch::forget() {
   samples_.clear();
-  doubtful_ = stood_ = 0;
+  doubtful_ = stood_ = unanswered_ = 0;
   standing_ = false;
   excess_ = 0;
 }
@@ -202,10 +203,9 @@ void PlantWatch::measured(double time, const Eigen::Vector3d& position,
   note_field(now);
   samples_.push_back(std::move(now));
   while (time - samples_.front().time > kPlantKept) samples_.pop_front();
-  bool stands = unanswered();
-  if (const auto slow = drift()) stands = look_back(*slow) || stands;
-  stood_ = stands ? stood_ + 1 : 0;
-  standing_ = stood_ >= kPlantStoodFor;
+  unanswered_ = unanswered() ? unanswered_ + 1 : 0;
+  if (const auto slow = drift()) look_back(*slow);
+  standing_ = stood_ >= kPlantStoodFor || unanswered_ >= kPlantSure;
 }
 
 // What was told of the last second, and what was seen, each without a straight line in time: a
@@ -218,7 +218,7 @@ bool PlantWatch::unanswered() const {
   const auto first = std::find_if(samples_.begin(), samples_.end(), [&now](const Sample& one) {
     return now.time - one.time <= kPlantLongest;
   });
-  if (now.time - first->time < kPlantLeastDriftSpan) return false;
+  if (now.time - first->time < kPlantLeastBentSpan) return false;
   const Eigen::Vector3d told = now.moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold);
   const Eigen::Vector3d went = now.position - first->position;
   if (told.norm() < kPlantTold || went.norm() > kPlantGone * told.norm()) return false;
@@ -236,8 +236,8 @@ bool PlantWatch::unanswered() const {
          seen.rms() < kPlantGone * bent + 2 * noise;
 }
 
-// At all windows that end now. True: the robot stands.
-bool PlantWatch::look_back(const Eigen::Vector3d& slow) {
+// At all windows that end now.
+void PlantWatch::look_back(const Eigen::Vector3d& slow) {
   const double time = samples_.back().time;
   Verdict most;
   bool stands = false;
@@ -249,9 +249,9 @@ bool PlantWatch::look_back(const Eigen::Vector3d& slow) {
     if (found.excess > most.excess) most = std::move(found);
   }
   excess_ = most.excess;
+  stood_ = stands ? stood_ + 1 : 0;
   doubtful_ = most.text.empty() ? 0 : doubtful_ + 1;
   if (doubtful_ >= kPlantSure && fault_.empty()) fault_ = most.text;
-  return stands;
 }
 
 // The mean velocity that the model left over.

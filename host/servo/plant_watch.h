@@ -74,7 +74,7 @@ class PlantWatch {
   Motions velocities(const Eigen::Vector3d& position) const;
   Eigen::Vector3d force(const control::FieldGradient& made) const;
   std::optional<Eigen::Vector3d> drift() const;
-  bool look_back(const Eigen::Vector3d& slow);
+  void look_back(const Eigen::Vector3d& slow);
   bool unanswered() const;
   Verdict judge(const Sample& then, const Sample& now, const Eigen::Vector3d& drift) const;
   std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
@@ -88,6 +88,7 @@ class PlantWatch {
   double heard_from_ = -1e9;    // s
   int doubtful_ = 0;            // measurements in a row
   int stood_ = 0;
+  int unanswered_ = 0;
   std::string fault_;
   bool standing_ = false;
   double excess_ = 0;
