@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 
+#include <algorithm>
 #include <cmath>
 
 namespace vitreo::control {
@@ -157,17 +158,24 @@ CoilWatch::Finding CoilWatch::suspect_of(const Sums& sums, const Healthy& health
   return found;
 }
 
-// By the filter's own covariance first, then by the size of what that leaves.
+// By the filter's own covariance first, then by the size of what that leaves. Gains alone choose
+// the coil and give its lead: the directions would take as much from the one that died as from
+// those beside it. What evidence is left of it when the directions are off too is the evidence that
+// it has; where they favor another coil it is the second's at most.
 CoilWatch::Finding CoilWatch::suspect_of(const Sums& sums, const Healthy& healthy) const {
-  Finding found;
-  for (const Eigen::Index errors : {coils_, errors_}) {
-    found = suspect_of(sums, healthy, errors, 1);
-    if (const double rest = found.rest; rest > 1) {
-      found = suspect_of(sums, healthy, errors, rest);
-      found.rest = rest;
-    }
-    if (found.evidence < kAsked) break;
-  }
+  const auto judged = [&](Eigen::Index errors) {
+    Finding found = suspect_of(sums, healthy, errors, 1);
+    const double rest = found.rest;
+    if (rest > 1) found = suspect_of(sums, healthy, errors, rest);
+    found.rest = rest;
+    return found;
+  };
+  Finding found = judged(coils_);
+  if (found.evidence < kAsked) return found;
+  const Finding all = judged(errors_);
+  const double lead = found.evidence - found.next;
+  found.evidence = std::min(found.evidence, all.coil == found.coil ? all.evidence : all.next);
+  found.next = std::max(0.0, found.evidence - lead);
   return found;
 }
 

@@ -8,10 +8,10 @@ namespace vitreo {
 namespace {
 
 constexpr double kLong = 3;  // s, for which a cap is a fault and not the way to a far target
-// 2 ln of the likelihood ratio, and by how much more it explains than the next coil does. 60 is
-// nearly eight standard deviations, of the best of eight coils and eleven begins, for hours.
-constexpr double kEvidence = 60;
-constexpr double kMargin = 12;
+// 2 ln of the likelihood ratio, and by how much more it explains than the next coil does. 45 is
+// seven standard deviations.
+constexpr double kEvidence = 45;
+constexpr double kMargin = 9;
 // Part of a coil's current: below it, gains and places of healthy coils explain as much.
 constexpr double kLeastLack = 0.3;
 constexpr double kMostLack = 2;

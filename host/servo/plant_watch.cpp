@@ -41,7 +41,7 @@ constexpr double kPlantGone = 0.15;
 constexpr int kPlantStoodFor = 4;  // measurements in a row
 // m, rms: of what was told within a window, beyond a straight line in time, that says something. A
 // healthy machine's drift changes too, and a robot that is held in place against it is told as much
-// and stands: docs/control.md.
+// and stands: docs/reliability.md.
 constexpr double kPlantBent = 60e-6;
 constexpr double kPlantLeastBentSpan = 0.25;  // s
 // s after the robot was found: places by outlines of another attitude were up to 1.5 mm off, in two
