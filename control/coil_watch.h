@@ -31,7 +31,8 @@ using CoilTurns = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3 * kMaxCoils>;
 /// of the likelihood ratio is b^2 / A. So where the allocation goes over to other currents, or the
 /// axis turns, a coil that carries a twentieth of the whole is not accused of what all the others'
 /// errors explain, and a tone in the null space of the allocation (FieldAllocator::tone), in which
-/// all carry alike, still keeps every coil apart from the others.
+/// all carry alike, still keeps every coil apart from the others. The gains alone choose the coil
+/// and its lead over the next; its evidence is what is left of it when all four errors are allowed.
 class CoilWatch {
  public:
   /// Throws std::invalid_argument.

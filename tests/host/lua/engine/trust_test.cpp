@@ -170,13 +170,13 @@ TEST_F(TrustTest, ALoopThatBeginsOnAnOldPlaceIsAtZeroInTime) {
   constexpr const char* kBegin = R"(
 rig.sample:insert_robot { 0, 0, 0.3*mm }
 do
-  local servo <close> = rig:servo { feedback = "pose_sensor" }
+  local servo <close> = rig:servo { feedback = "pose_sensor", law = "estimator" }
   servo:wait_until_tracked { timeout = 5*s }
   servo:hold { 0, 0, 0.3*mm }
   run:wait(5*s - run:now())
 end
 rig.sample:insert_robot { 2*mm, 0, 1*mm }
-local servo <close> = rig:servo { feedback = "pose_sensor" }
+local servo <close> = rig:servo { feedback = "pose_sensor", law = "estimator" }
 servo:wait_until_tracked { timeout = 5*s }
 servo:go_to({ 2*mm, 0, 1*mm }, { timeout = 5*s })
 )";
