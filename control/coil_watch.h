@@ -14,27 +14,35 @@ namespace vitreo::control {
 
 /// m, a column a coil.
 using CoilMotions = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxCoils>;
+/// m/rad: what it would add to the motion that each coil's field is turned where the robot is,
+/// about x (a column a coil), then about y, then about z.
+using CoilTurns = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3 * kMaxCoils>;
 
 /// Generalized likelihood ratio test of Willsky & Jones (1976) for one fault at a time, that began
 /// within the last seconds, or long ago, among coils that all are a little off. What a coil fails
 /// to do moves the robot; through the filter's own gains that leaves a signature in the innovations
 /// v of covariance S:
-///   v = s_k c + sum_j h_j e_j + noise,   e_j ~ N(0, kHealthy^2),
-/// s_k the signature of a lack c of coil k since the fault's begin, h_j that of coil j since ever.
+///   v = s_k c + sum_j h_j e_j + noise,   e_j ~ N(0, sigma_j^2),
+/// s_k the signature of a lack c of coil k since the fault's begin, h_j those of what healthy coils
+/// are off by since ever: four a coil, its gain and the direction of its field (a turn about three
+/// axes). The second moves the robot across what the coil was given, as much as the first along it.
 /// With all sums taken since the begin, A = sum s' S^-1 s, b = sum s' S^-1 v, and the errors e of
 /// healthy coils marginalized (a Schur complement), the most probable lack is c = b / A, and 2 ln
-/// of the likelihood ratio is b^2 / A. So where the allocation goes over to other currents a coil
-/// that carries a twentieth of the whole is not accused of what all the others' errors explain, and
-/// a tone in the null space of the allocation (FieldAllocator::tone), in which all carry alike,
-/// still keeps every coil apart from the others.
+/// of the likelihood ratio is b^2 / A. So where the allocation goes over to other currents, or the
+/// axis turns, a coil that carries a twentieth of the whole is not accused of what all the others'
+/// errors explain, and a tone in the null space of the allocation (FieldAllocator::tone), in which
+/// all carry alike, still keeps every coil apart from the others. The gains alone choose the coil
+/// and its lead over the next; its evidence is what is left of it when all four errors are allowed.
 class CoilWatch {
  public:
   /// Throws std::invalid_argument.
   explicit CoilWatch(int coils);
   /// One measurement that the filter used, `span` s after the one before. `given`: m, what each
-  /// coil's current moved the robot since then, as believed.
+  /// coil's current moved the robot since then, as believed. `turned`: what the directions of their
+  /// fields add to it; no column: they are known.
   void add(const Innovation& innovation, const Eigen::Matrix3d& position_gain,
-           const Eigen::Matrix3d& velocity_gain, double span, const CoilMotions& given);
+           const Eigen::Matrix3d& velocity_gain, double span, const CoilMotions& given,
+           const CoilTurns& turned = CoilTurns(3, 0));
   /// One from which the filter began anew: its position is what was measured, the rest is kept.
   void restart(double span);
   struct Finding {
@@ -54,42 +62,58 @@ class CoilWatch {
   static constexpr double kEvery = 0.4;  // s, between the begins that are tried
   static constexpr double kOldest = 4;   // s
   static constexpr double kYoungest = 0.4;
-  static constexpr double kMemory = 2.5;   // s, of the one that began long ago
-  static constexpr double kStanding = 10;  // s, until that one is heard
-  using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxCoils, kMaxCoils>;
-  /// Error of the filter's prediction per unit of lack, a column a coil.
+  static constexpr double kMemory = 2.5;            // s, of the one that began long ago
+  static constexpr double kStanding = 10;           // s, until that one is heard
+  static constexpr int kMaxErrors = 4 * kMaxCoils;  // the gains first
+  using Errors = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxErrors, 1>;
+  using ErrorMotions = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxErrors>;
+  using ErrorSquare =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxErrors, kMaxErrors>;
+  using Crossed = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxCoils, kMaxErrors>;
+  /// Error of the filter's prediction per unit of lack, or of a healthy coil's error over its
+  /// standard deviation, a column each.
+  template <class Motions>
   struct Signatures {
-    CoilMotions position;  // m
-    CoilMotions velocity;  // m/s
-    CoilMotions seen;      // m, in the last innovation
+    Motions position;  // m
+    Motions velocity;  // m/s
+    Motions seen;      // m, in the last innovation
     void follow(const Eigen::Matrix3d& position_gain, const Eigen::Matrix3d& velocity_gain,
-                double span, const CoilMotions& given);
+                double span, const Motions& given);
   };
-  /// Sums over the innovations since a begin, weighted by S^-1.
+  /// Sums over the innovations, weighted by S^-1, of the healthy coils' signatures.
+  struct Healthy {
+    ErrorSquare squares;  // h_i' h_j
+    Errors explained;     // h_j' v
+  };
+  /// Sums since a begin, weighted by S^-1.
   struct Sums {
     double count = 0;      // innovations
     double power = 0;      // v' v
     Currents information;  // s_k' s_k
     Currents product;      // s_k' v
-    Square crossed;        // s_k' h_j
-    Square errors;         // h_i' h_j
-    Currents explained;    // h_j' v
-    void add(const Innovation& innovation, const Eigen::Matrix3d& weight, const Signatures& fault,
-             const Signatures& healthy);
-    void fade(double factor);
+    Crossed crossed;       // s_k' h_j
+    void add(const Innovation& innovation, const Eigen::Matrix3d& weight, const CoilMotions& fault,
+             const ErrorMotions& weighted);
   };
   struct Begin {
     double age = 0;  // s
-    Signatures signatures;
+    Signatures<CoilMotions> signatures;
     Sums sums;
+    Healthy healthy;  // until its begin; of the standing one since ever, faded
   };
   Begin begin() const;
-  Finding suspect_of(const Sums& sums, double noise) const;
-  Finding suspect_of(const Sums& sums) const;
+  ErrorMotions errors_of(const CoilMotions& given, const CoilTurns& turned) const;
+  void fade(double factor);
+  Finding suspect_of(const Sums& sums, const Healthy& healthy, Eigen::Index errors,
+                     double noise) const;
+  Finding suspect_of(const Sums& sums, const Healthy& healthy) const;
   void age(double span);
   Eigen::Index coils_;
-  Begin standing_;            // as if it had always been so, with faded sums
-  std::deque<Begin> begins_;  // the oldest first
+  Eigen::Index errors_;
+  Signatures<ErrorMotions> off_;  // what healthy coils are off by, since ever
+  Healthy healthy_;               // since ever
+  Begin standing_;                // as if it had always been so, with faded sums
+  std::deque<Begin> begins_;      // the oldest first
 };
 
 }  // namespace vitreo::control

@@ -29,19 +29,30 @@ void since(bool is, double now, double& begin) {
     begin = now;
 }
 
+/// T and T/m per rad: B := R B and G := R G R' of a field that is turned about a unit axis.
+control::FieldGradient turned(const control::FieldGradient& field, const Eigen::Vector3d& axis) {
+  Eigen::Matrix3d across;
+  across << 0, -axis.z(), axis.y(), axis.z(), 0, -axis.x(), -axis.y(), axis.x(), 0;
+  const Eigen::Matrix3d gradient = control::gradient_matrix(field);
+  const Eigen::Matrix3d by = across * gradient - gradient * across;
+  control::FieldGradient change;
+  change << across * field.head<3>(), by(0, 0), by(0, 1), by(0, 2), by(1, 1), by(1, 2);
+  return change;
+}
+
 }  // namespace
 
 LoopWatch::LoopWatch(const RigModel& model)
     : model_(model),
       coils_(model.field.coils()),
       given_(
-          static_cast<std::size_t>(model.field.coils()),
+          4 * static_cast<std::size_t>(model.field.coils()),
           control::CommandHistory(model.command_delay, 1 / (2 * M_PI * model.command_bandwidth))),
       flowing_(given_.size(), Eigen::Vector3d::Zero()) {}
 
 // The robot's moment lies along its field, which a coil that fails changes too: what a coil does is
 // the force with it less the force without it, and not its column of the wrench.
-control::CoilMotions LoopWatch::velocities(const WatchedCommand& command) const {
+LoopWatch::Velocities LoopWatch::velocities(const WatchedCommand& command) const {
   // Outside of the model's region the field of the nearest place in it is used, as by the
   // allocator.
   const Eigen::Vector3d known = model_.field.nearest_valid(command.position);
@@ -57,11 +68,18 @@ control::CoilMotions LoopWatch::velocities(const WatchedCommand& command) const 
   };
   const control::FieldGradient whole = matrix * command.currents + background;
   const Eigen::Vector3d with_all = force(whole);
-  // A column a coil, m/s: what the robot would lose of its velocity without it.
-  control::CoilMotions found(3, command.currents.size());
-  for (Eigen::Index k = 0; k < command.currents.size(); ++k) {
-    const control::FieldGradient without = whole - matrix.col(k) * command.currents[k];
-    found.col(k) = command.mobility * (with_all - force(without));
+  constexpr double kSmall = 0.02;  // rad, over which the force is differenced
+  const Eigen::Index coils = command.currents.size();
+  Velocities found(3, 4 * coils);
+  for (Eigen::Index k = 0; k < coils; ++k) {
+    const control::FieldGradient its = matrix.col(k) * command.currents[k];
+    // What the robot would lose of its velocity without it.
+    found.col(k) = command.mobility * (with_all - force(whole - its));
+    for (int axis = 0; axis < 3; ++axis) {
+      const control::FieldGradient change = kSmall * turned(its, Eigen::Vector3d::Unit(axis));
+      found.col((1 + axis) * coils + k) =
+          command.mobility * (force(whole + change) - with_all) / kSmall;
+    }
   }
   return found;
 }
@@ -70,7 +88,7 @@ void LoopWatch::commanded(const WatchedCommand& command) {
   now_ = command.now;
   since(command.capped, now_, capped_since_);
   since(command.clamped, now_, clamped_since_);
-  const control::CoilMotions speed = velocities(command);
+  const Velocities speed = velocities(command);
   for (std::size_t k = 0; k < given_.size(); ++k)
     given_[k].add(command.now, speed.col(static_cast<Eigen::Index>(k)));
 }
@@ -81,7 +99,7 @@ void LoopWatch::measured(double time, const control::PositionEstimator& filter, 
   // until `time` are commands from that much earlier. No command acts before it is given.
   const double shift = std::max(delay, -model_.command_delay);
   const double span = last_ ? time - *last_ : 0;
-  control::CoilMotions moved(3, static_cast<Eigen::Index>(given_.size()));
+  Velocities moved(3, static_cast<Eigen::Index>(given_.size()));
   for (std::size_t k = 0; k < given_.size(); ++k) {
     if (!last_) flowing_[k] = given_[k].velocity_at(time - shift);
     const auto motion = given_[k].advance(flowing_[k], time - span - shift, time - shift);
@@ -97,7 +115,8 @@ void LoopWatch::measured(double time, const control::PositionEstimator& filter, 
   else if (restarted)
     coils_.restart(span);
   else
-    coils_.add(*filter.innovation(), filter.position_gain(), filter.velocity_gain(), span, moved);
+    coils_.add(*filter.innovation(), filter.position_gain(), filter.velocity_gain(), span,
+               moved.leftCols(moved.cols() / 4), moved.rightCols(3 * moved.cols() / 4));
   last_ = time;
   suspect(time);
 }

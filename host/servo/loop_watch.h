@@ -65,15 +65,18 @@ class LoopWatch {
 
  private:
   void suspect(double time);
-  control::CoilMotions velocities(const WatchedCommand& command) const;
+  /// m/s, of each coil in a history's order: the motion that it makes, and by turns of its field.
+  using Velocities = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 4 * control::kMaxCoils>;
+  Velocities velocities(const WatchedCommand& command) const;
 
   const RigModel& model_;
   control::MotionWatch motion_;
   control::CoilWatch coils_;
-  std::vector<control::CommandHistory> given_;  // m/s, of each coil's current
-  std::vector<Eigen::Vector3d> flowing_;        // m/s, behind the lag
-  std::optional<double> last_;                  // s, of the measurement before
-  double heard_from_ = 0;                       // s, before which coils are not judged
+  // m/s: of each coil's current, then m/s/rad of turns about x, of those about y, about z
+  std::vector<control::CommandHistory> given_;
+  std::vector<Eigen::Vector3d> flowing_;  // m/s, behind the lag
+  std::optional<double> last_;            // s, of the measurement before
+  double heard_from_ = 0;                 // s, before which coils are not judged
   bool may_touch_ = false;
   double followed_from_ = -1e9;  // s, before which motion is not
   double capped_since_ = -1;     // s; below 0: not

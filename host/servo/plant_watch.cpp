@@ -39,6 +39,11 @@ constexpr int kPlantSure = 2;  // measurements in a row
 constexpr double kPlantTold = 0.4e-3;
 constexpr double kPlantGone = 0.15;
 constexpr int kPlantStoodFor = 4;  // measurements in a row
+// m, rms: of what was told within a window, beyond a straight line in time, that says something. A
+// healthy machine's drift changes too, and a robot that is held in place against it is told as much
+// and stands: docs/reliability.md.
+constexpr double kPlantBent = 60e-6;
+constexpr double kPlantLeastBentSpan = 0.25;  // s
 // s after the robot was found: places by outlines of another attitude were up to 1.5 mm off, in two
 // to five frames, and a drift of millimeters per second came of it that no motion had.
 constexpr double kPlantTurnsIn = 0.5;
@@ -51,6 +56,31 @@ constexpr int kPlantSubsteps =
 constexpr Eigen::Index kPlantAsTold = 0;
 constexpr Eigen::Index kPlantNone = 1;
 constexpr Eigen::Index kPlantCoils = 2;
+
+/// Places over time, and what of them is no straight line.
+class Bent {
+ public:
+  void add(double time, const Eigen::Vector3d& place) {
+    count_ += 1;
+    time_ += time;
+    times_ += time * time;
+    place_ += place;
+    places_ += place.squaredNorm();
+    product_ += time * place;
+  }
+  /// m: root mean square distance from the line that fits best.
+  double rms() const {
+    const double spread = times_ - time_ * time_ / count_;
+    const Eigen::Vector3d along = product_ - time_ / count_ * place_;
+    const double left =
+        places_ - place_.squaredNorm() / count_ - along.squaredNorm() / std::max(spread, 1e-12);
+    return std::sqrt(std::max(0.0, left) / count_);
+  }
+
+ private:
+  double count_ = 0, time_ = 0, times_ = 0, places_ = 0;
+  Eigen::Vector3d place_{0, 0, 0}, product_{0, 0, 0};
+};
 
 double largest_variance(const Eigen::Matrix3d& noise) { return noise.diagonal().maxCoeff(); }
 
@@ -69,7 +99,7 @@ void PlantWatch::found(double time) {
 // The currents go on: what was commanded still acts.
 void PlantWatch::forget() {
   samples_.clear();
-  doubtful_ = stood_ = 0;
+  doubtful_ = stood_ = unanswered_ = 0;
   standing_ = false;
   excess_ = 0;
 }
@@ -146,7 +176,6 @@ void PlantWatch::note_field(Sample& sample) const {
 void PlantWatch::measured(double time, const Eigen::Vector3d& position,
                           const Eigen::Matrix3d& noise, const Eigen::Matrix3d& by_attitude,
                           double delay) {
-  if (time < heard_from_) return;
   // What moved the robot until `time` are commands from the delay earlier. No command acts before
   // it is given.
   const double acting = time - std::max(delay, -model_.command_delay);
@@ -174,7 +203,37 @@ void PlantWatch::measured(double time, const Eigen::Vector3d& position,
   note_field(now);
   samples_.push_back(std::move(now));
   while (time - samples_.front().time > kPlantKept) samples_.pop_front();
+  unanswered_ = unanswered() ? unanswered_ + 1 : 0;
   if (const auto slow = drift()) look_back(*slow);
+  standing_ = stood_ >= kPlantStoodFor || unanswered_ >= kPlantSure;
+}
+
+// What was told of the last second, and what was seen, each without a straight line in time: a
+// drift makes one, whatever its size, and a command that cancels it the same, so that neither need
+// be known. So a robot that is told more and more and shows nothing of it stands, from the first
+// half second on, in which the drift of a robot that is free is unknown. Places by outlines of
+// another attitude are no matter here: what moves does not stand.
+bool PlantWatch::unanswered() const {
+  const Sample& now = samples_.back();
+  const auto first = std::find_if(samples_.begin(), samples_.end(), [&now](const Sample& one) {
+    return now.time - one.time <= kPlantLongest;
+  });
+  if (now.time - first->time < kPlantLeastBentSpan) return false;
+  const Eigen::Vector3d told = now.moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold);
+  const Eigen::Vector3d went = now.position - first->position;
+  if (told.norm() < kPlantTold || went.norm() > kPlantGone * told.norm()) return false;
+  Bent moved, seen;
+  double variance = 0;
+  for (auto one = first; one != samples_.end(); ++one) {
+    moved.add(one->time - first->time,
+              one->moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold));
+    seen.add(one->time - first->time, one->position - first->position);
+    variance = std::max(variance, one->variance);
+  }
+  const double noise = std::sqrt(3 * variance);
+  const double bent = moved.rms();
+  return bent > kPlantBent && bent > kPlantSigmas * noise &&
+         seen.rms() < kPlantGone * bent + 2 * noise;
 }
 
 // At all windows that end now.
@@ -183,7 +242,7 @@ void PlantWatch::look_back(const Eigen::Vector3d& slow) {
   Verdict most;
   bool stands = false;
   for (const Sample& then : samples_) {
-    if (time - then.time > kPlantLongest) continue;
+    if (time - then.time > kPlantLongest || then.time < heard_from_) continue;
     if (time - then.time < kPlantShortest) break;
     Verdict found = judge(then, samples_.back(), slow);
     stands = stands || found.standing;
@@ -191,7 +250,6 @@ void PlantWatch::look_back(const Eigen::Vector3d& slow) {
   }
   excess_ = most.excess;
   stood_ = stands ? stood_ + 1 : 0;
-  standing_ = stood_ >= kPlantStoodFor;
   doubtful_ = most.text.empty() ? 0 : doubtful_ + 1;
   if (doubtful_ >= kPlantSure && fault_.empty()) fault_ = most.text;
 }
@@ -203,6 +261,7 @@ std::optional<Eigen::Vector3d> PlantWatch::drift() const {
   const Sample* first = nullptr;
   for (const Sample& one : samples_) {
     if (one.time > until) break;
+    if (one.time < heard_from_) continue;
     if (one.time >= until - kPlantDriftSpan && first == nullptr) first = &one;
     last = &one;
   }

@@ -75,6 +75,7 @@ class PlantWatch {
   Eigen::Vector3d force(const control::FieldGradient& made) const;
   std::optional<Eigen::Vector3d> drift() const;
   void look_back(const Eigen::Vector3d& slow);
+  bool unanswered() const;
   Verdict judge(const Sample& then, const Sample& now, const Eigen::Vector3d& drift) const;
   std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
 
@@ -87,6 +88,7 @@ class PlantWatch {
   double heard_from_ = -1e9;    // s
   int doubtful_ = 0;            // measurements in a row
   int stood_ = 0;
+  int unanswered_ = 0;
   std::string fault_;
   bool standing_ = false;
   double excess_ = 0;

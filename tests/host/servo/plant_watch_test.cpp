@@ -37,7 +37,8 @@ struct Plant {
   Eigen::Vector3d start{-1.5e-3, 1e-3, 1e-3};  // m, from the target
   double held_from = 1e9;                      // s
   double reversed_from = 1e9;                  // s, the first coil
-  Eigen::Vector3d target_velocity{0, 0, 0};    // m/s, from 4 s on
+  Eigen::Vector3d target_velocity{0, 0, 0};    // m/s, from `goes_from` on
+  double goes_from = 4;                        // s
   double turns_in = 0;  // m: how much too high the first three frames show it
   bool found = true;    // the watch is told that it was found
 };
@@ -66,7 +67,7 @@ Watched watched(const RigModel& model, const Plant& plant, double end) {
                    Eigen::Matrix3d::Zero(), 0);
     if (watch.standing() && found.standing < 0) found.standing = now;
     if (found.fault.empty()) found.fault = watch.fault();
-    const Eigen::Vector3d target = std::max(0.0, now - 4) * plant.target_velocity;
+    const Eigen::Vector3d target = std::max(0.0, now - plant.goes_from) * plant.target_velocity;
     const auto given = allocator.allocate(seen, 1.5 * (drag * (target - seen)));
     watch.commanded(now, given.currents, drag.inverse());
     // The belief's delay and lag, of which a frame is nearly as long.
@@ -118,6 +119,22 @@ TEST(PlantWatch, ARobotThatIsHeldWhileItsTargetGoesOnIsNamed) {
   EXPECT_GT(found.standing, 4);
   EXPECT_LT(found.standing, 7);
   EXPECT_EQ(found.fault, "");
+}
+
+// From its begin on a loop sees an old place; what drift a free robot would have is not known yet,
+// and is none that hides it. One that is free is told as much, and goes.
+TEST(PlantWatch, ARobotThatStandsFromTheBeginIsNamedWithoutWaitingForItsDrift) {
+  for (const bool held : {true, false})
+    for (const double flow : {-1.0e-3, 0.0, 1.0e-3}) {
+      Plant plant;
+      plant.start = {0, 0, 0};
+      plant.flow = {flow, 0, 0};
+      plant.held_from = held ? 0 : 1e9;
+      plant.goes_from = 0.1;
+      plant.target_velocity = {2e-3, 0, 0.7e-3};
+      const Watched found = watched(cylinder_model(), plant, 3);
+      EXPECT_EQ(found.standing > 0 && found.standing < 1.2, held) << flow << " " << found.standing;
+    }
 }
 
 TEST(PlantWatch, ACoilThatIsReversedAtRestIsNamed) {
