@@ -37,9 +37,9 @@ RigDescription rig_of(const ApproachSetting& setting) {
   }
   if (setting.sampled_bench) {
     truth["optics"] = ConfigValue{ConfigTable{{"bench", {std::string("sampled")}}}};
-    ConfigTable model{{"uncertainty", {ConfigTable{}}}};
+    ConfigTable model;
     if (setting.upright) model["shape"] = ConfigValue{std::string("ellipsoid")};
-    description.table["model"] = ConfigValue{model};
+    description.table["model"] = setting.told ? ConfigValue{model} : model_of_known_bench(model);
   }
   description.table["truth"] = ConfigValue{truth};
   ConfigTable keep_out{{"margin", {setting.margin}}};
