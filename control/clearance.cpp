@@ -113,11 +113,21 @@ double from_lens(const BodySurface& body, const EyeCavity& eye, const UncertainP
   return eye.vertex.z() + eye.lens_depth - pose.position.z() - body.reach(axis.z());
 }
 
-/// Sets the 99 % half width (clearance()). `distance_of`: with another axis.
+/// Along the normal, where the retina is nearest: its depth, and its sag, which grows with the
+/// square of the distance from the axis.
+double retina_spread(const EyeCavity& eye, const Eigen::Vector3d& normal) {
+  constexpr double kStated = 4e-3;  // m from the axis
+  const double aside = eye.radius * normal.head<2>().norm() / kStated;
+  return std::abs(normal.z()) * std::hypot(eye.retina_sigma, eye.sag_sigma * aside * aside);
+}
+
+/// Sets the 99 % half width (clearance()). `own`: sigma of the wall's place along its normal, m.
+/// `distance_of`: with another axis.
 template <class Distance>
-void set_uncertainty(const BodySurface& body, const UncertainPose& pose, WallClearance& wall,
-                     const Distance& distance_of) {
-  const double spread = std::sqrt(std::max(0.0, wall.normal.dot(pose.covariance * wall.normal)));
+void set_uncertainty(const BodySurface& body, const UncertainPose& pose, double own,
+                     WallClearance& wall, const Distance& distance_of) {
+  const double placed = std::max(0.0, wall.normal.dot(pose.covariance * wall.normal));
+  const double spread = std::hypot(std::sqrt(placed), own);
   double least = wall.distance;
   if (pose.axis_sigma > 0)
     for (const Eigen::Vector3d& axis :
@@ -153,6 +163,9 @@ void EyeCavity::check() const {
   require(vertex.allFinite(), "eye vertex: must be finite");
   require(positive(radius), "eye radius: must be above 0 m");
   require(positive(lens_depth), "eye lens_depth: must be above 0 m");
+  require(not_negative(retina_sigma), "eye retina_sigma: must be at least 0 m");
+  require(not_negative(sag_sigma), "eye sag_sigma: must be at least 0 m");
+  require(not_negative(lens_sigma), "eye lens_sigma: must be at least 0 m");
 }
 
 Clearance clearance(const BodySurface& body, const EyeCavity& eye, const UncertainPose& pose) {
@@ -169,10 +182,10 @@ Clearance clearance(const BodySurface& body, const EyeCavity& eye, const Uncerta
   const Reached far = reached(body, eye, pose.position, pose.axis);
   found.retina.distance = eye.radius - far.distance;
   found.retina.normal = -far.outward;
-  set_uncertainty(body, pose, found.retina, from_retina);
+  set_uncertainty(body, pose, retina_spread(eye, found.retina.normal), found.retina, from_retina);
   found.lens.normal = -Eigen::Vector3d::UnitZ();
   found.lens.distance = from_lens(body, eye, pose, pose.axis);
-  set_uncertainty(body, pose, found.lens,
+  set_uncertainty(body, pose, eye.lens_sigma, found.lens,
                   [&](const Eigen::Vector3d& axis) { return from_lens(body, eye, pose, axis); });
   return found;
 }

@@ -31,7 +31,12 @@ struct EyeCavity {
   Eigen::Vector3d vertex{0, 0, -5e-3};  // of the retina
   double radius = 11.5e-3;
   double lens_depth = 15.5e-3;  // from the vertex to the lens
-  void check() const;           // throws std::invalid_argument naming the parameter
+  // m, standard deviations of where the walls are: the retina along z and by its sag 4 mm from the
+  // axis, the lens along z.
+  double retina_sigma = 0;
+  double sag_sigma = 0;
+  double lens_sigma = 0;
+  void check() const;  // throws std::invalid_argument naming the parameter
 };
 
 /// Position and attitude of a body, and what is not known of them.
@@ -59,10 +64,10 @@ struct Clearance {
 };
 
 /// Distance of the surface, and U = 0.38 d + hypot(2.58 sqrt(n' P n), 0.62 d): P is the position's
-/// covariance, n the normal at the nearest point, d how much nearer the body is when its axis is
-/// off by up to 3.26 axis_sigma (99.5 % of the tilts) in the worst direction: what lies flat can
-/// only come nearer by it, by 0.38 d in the mean. One in two hundred is nearer than the bound.
-/// Throws std::invalid_argument for values that are not finite.
+/// covariance with the wall's own place in it, n the normal at the nearest point, d how much nearer
+/// the body is when its axis is off by up to 3.26 axis_sigma (99.5 % of the tilts) in the worst
+/// direction: what lies flat can only come nearer by it, by 0.38 d in the mean. One in two hundred
+/// is nearer than the bound. Throws std::invalid_argument for values that are not finite.
 Clearance clearance(const BodySurface& body, const EyeCavity& eye, const UncertainPose& pose);
 
 }  // namespace vitreo::control

@@ -26,7 +26,8 @@ enum class Purpose : std::uint64_t {
   side_jitter,
   probe,
   plant,
-  pose_jitter
+  pose_jitter,
+  stage
 };
 std::uint64_t seed_for(std::uint64_t seed, Purpose purpose);
 /// A hash of the three numbers (the finalizer of SplitMix64).

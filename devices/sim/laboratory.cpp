@@ -398,7 +398,11 @@ Camera& Laboratory::side_camera() { return *state_->side; }
 pololu_tic::Emulator& Laboratory::lens_motor() { return *state_->lens; }
 SampleHandler& Laboratory::sample() { return state_->hands; }
 void Laboratory::carry_sensor(std::function<double(Time)> position) {
-  state_->sensor_position = std::move(position);
+  auto play = std::make_shared<StagePlay>(state_->settings.stage_play,
+                                          seed_for(state_->seed, Purpose::stage));
+  state_->sensor_position = [play = std::move(play), motor = std::move(position)](Time time) {
+    return play->carried(motor(time));
+  };
 }
 void Laboratory::turn_sensor(std::function<double(Time)> angle) {
   state_->sensor_angle = std::move(angle);

@@ -14,6 +14,7 @@
 #include "devices/sim/probe.h"
 #include "devices/sim/renderer.h"
 #include "devices/sim/simulated_camera.h"
+#include "devices/sim/stage_play.h"
 #include "devices/sim/truth.h"
 #include "devices/sim/world.h"
 #include "optics/projection/single_viewpoint.h"
@@ -51,10 +52,10 @@ struct LaboratorySettings {
   double sensor_aperture = 0.159;  // NA of the eye's pupil, seen from a bare sensor (thesis 4.1)
   // soft robots are drawn as the crossed plates they are; the localizer's are ellipsoids
   bool plates = true;
-  // m/s: fastest speed at which the picture of the retina goes to and fro, by 1.5 mm either way, as
-  // that of an eye that moves; nothing else moves with it.
+  // m/s: fastest speed at which the retina's picture alone goes to and fro, by 1.5 mm either way.
   float fundus_drift = 0;
   ProbeSettings probe;
+  StagePlaySettings stage_play;              // of what the microscope or the sensor stands on
   double side_pixel = 20.4e-6;               // m per pixel
   Eigen::Vector2d side_center_px{328, 245};  // where the world's origin shows
   double side_turn = 0;                      // rad, of the side camera about its line of sight
@@ -64,8 +65,7 @@ struct LaboratorySettings {
   std::optional<int> enable_line;            // of the USB-3103, as a heartbeat line
   double dac_offset = 2;  // counts, standard deviation of the outputs' calibration, from the seed
   pololu_tic::Settings lens;  // of the BIOM's motor: how far a step of it moves the lens
-  // Imperfections of the observation itself, for tests of what the loop can and cannot see; world
-  // frame, m.
+  // Imperfections of the observation itself, for tests of what the loop can see; world frame, m.
   Eigen::Vector3d truth_shift{0, 0, 0};  // added to the reported truth
   Eigen::Vector3d drawn_shift{0, 0, 0};  // added to where the cameras draw the robot
 };

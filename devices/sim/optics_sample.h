@@ -22,6 +22,13 @@ struct OpticsSigmas {
   double pixel = 0;             // relative
   double center = 0;            // m in the aerial image, x and y
   double lens_axial = 0;        // m, of the condensing lens, which the microscope does not follow
+  double lens_aside = 0;        // m, the same, x and y
+  double lens_tilt = 0;         // rad, the same about its inner vertex, x and y
+  double eye_rotation = 0;      // rad, of the eye about its retina's center, x and y
+  double inner_lens_aside = 0;  // m, of the eye's own lens, x and y
+  double inner_lens_tilt = 0;   // rad, the same about its rear vertex, x and y
+  double stage_backlash = 0;    // m, of the focusing stage: |N(0, 1)| times this
+  double stage_noise = 0;       // m, of where it comes to rest, anew each time
   double axial_length = 0;      // m, retina to the eye's lens
   double retina_depth = 0;      // m, where the retina stands; the eye's lenses stay
   double retina_curvature = 0;  // m of sag, 4 mm from the axis
@@ -38,6 +45,13 @@ struct OpticsSample {
   double pixel = 0;
   Eigen::Vector2d center{0, 0};
   double lens_axial = 0;
+  Eigen::Vector2d lens_aside{0, 0};
+  Eigen::Vector2d lens_tilt{0, 0};
+  Eigen::Vector2d eye_rotation{0, 0};
+  Eigen::Vector2d inner_lens_aside{0, 0};
+  Eigen::Vector2d inner_lens_tilt{0, 0};
+  double stage_backlash = 0;
+  double stage_noise = 0;  // the standard deviation
   double axial_length = 0;
   double retina_depth = 0;
   double retina_curvature = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/open_rig.h"
 
+#include "devices/sim/bench_sample.h"
 #include "devices/time/error.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/field_calibration_yaml.h"
@@ -84,7 +85,7 @@ class ComposedRig final : public OpenRig {
     rig_.title = settings.title;
     rig_.model = settings.model;
     complete_model(settings);
-    const sim::OpticsSample bench = sim::sample_optics(settings.optics, seed);
+    const sim::OpticsSample bench = sim::sample_bench(settings.laboratory, settings.optics, seed);
     if (simulated != Share::none)
       world_ = std::make_unique<sim::Laboratory>(sim::with_optics(settings.laboratory, bench),
                                                  clock, seed);

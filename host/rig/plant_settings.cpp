@@ -45,6 +45,16 @@ void read_optics(ConfigReader reader, sim::OpticsSigmas& sigmas) {
   sigmas.microscope_tilt =
       reader.number("microscope_tilt_sigma", sigmas.microscope_tilt, {0, 0.05, "rad"});
   sigmas.pixel = reader.number("pixel_sigma", sigmas.pixel, {0, 0.1, ""});
+  const auto angle = [&reader](const char* key, double& sigma) {
+    sigma = reader.number(key, sigma, {0, 0.1, "rad"});
+  };
+  angle("lens_tilt_sigma", sigmas.lens_tilt);
+  angle("eye_rotation_sigma", sigmas.eye_rotation);
+  angle("inner_lens_tilt_sigma", sigmas.inner_lens_tilt);
+  length("lens_aside_sigma", sigmas.lens_aside);
+  length("inner_lens_aside_sigma", sigmas.inner_lens_aside);
+  length("stage_backlash_sigma", sigmas.stage_backlash);
+  length("stage_noise", sigmas.stage_noise);
   length("object_plane_sigma", sigmas.object_plane);
   length("center_sigma", sigmas.center);
   length("lens_axial_sigma", sigmas.lens_axial);

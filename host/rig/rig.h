@@ -17,6 +17,7 @@
 #include "devices/roles/sample_handler.h"
 #include "devices/roles/stage.h"
 #include "host/config/config.h"
+#include "host/rig/view_uncertainty.h"
 #include "host/safety/interlock.h"
 #include "optics/pose/pose.h"
 #include "optics/rays/observer.h"
@@ -31,26 +32,6 @@
 #include <vector>
 
 namespace vitreo {
-
-/// What the robot's surface keeps away from retina and lens, and what is doubtful of where it is
-/// found beside the noise of its measurement (control/clearance.h).
-struct KeepOutSettings {
-  double margin = 0.2e-3;  // m, of the clearance's lower bound
-  /// Relative, one sigma: of the robot's size in the image (its size, its outline, the pixel),
-  /// which a depth is found by.
-  double scale_uncertainty = 0.015;
-  bool eye_uncertain = false;  // the eye is known no better than thesis table 5.1 says
-};
-
-/// How well a laboratory knows what its localization takes for known: standard deviations, of
-/// errors that stay. The defaults are those that a simulated rig's plant is drawn with
-/// (docs/simulated_laboratory.md).
-struct ViewUncertainty {
-  double size = 0.01;    // relative, of the robot
-  double pixel = 0.005;  // relative, of each camera's scale
-  double tilt = 3.5e-3;  // rad, of each camera against the world
-  double eye = 50e-6;    // m, of the eye's place along each axis
-};
 
 /// The nominal model: what the loop computes with. The real thing (or the simulated one) differs.
 struct RigModel {

@@ -23,11 +23,40 @@ namespace {
 
 constexpr double kMillimeter = 1e-3;
 
+// "bench": how well it is known where eye, lens and microscope stand. Each key for itself; "known"
+// for all of them: as believed.
+void read_bench(ConfigReader reader, BenchUncertainty& bench) {
+  if (reader.choice("places", "by_hand", {"by_hand", "known"}) == "known")
+    bench = BenchUncertainty::none();
+  const auto length = [&reader](const char* key, double& sigma) {
+    sigma = reader.number(key, sigma, {0, 5 * kMillimeter, "m"});
+  };
+  const auto angle = [&reader](const char* key, double& sigma) {
+    sigma = reader.number(key, sigma, {0, 0.2, "rad"});
+  };
+  bench.pupil_power = reader.number("pupil_power", bench.pupil_power, {0, 10, "1/m"});
+  bench.pixel = reader.number("pixel", bench.pixel, {0, 0.1, ""});
+  angle("microscope_tilt", bench.microscope_tilt);
+  angle("lens_tilt", bench.lens_tilt);
+  angle("eye_rotation", bench.eye_rotation);
+  angle("inner_lens_tilt", bench.inner_lens_tilt);
+  length("object_plane", bench.object_plane);
+  length("center", bench.center);
+  length("lens_axial", bench.lens_axial);
+  length("lens_aside", bench.lens_aside);
+  length("inner_lens_aside", bench.inner_lens_aside);
+  length("axial_length", bench.axial_length);
+  length("retina_depth", bench.retina_depth);
+  length("retina_curvature", bench.retina_curvature);
+  reader.finish();
+}
+
 void read_uncertainty(ConfigReader reader, ViewUncertainty& known) {
   known.size = reader.number("size", known.size, {0, 0.5, ""});
   known.pixel = reader.number("pixel", known.pixel, {0, 0.5, ""});
   known.tilt = reader.number("tilt", known.tilt, {0, 0.5, "rad"});
   known.eye = reader.number("eye", known.eye, {0, 10 * kMillimeter, "m"});
+  read_bench(reader.table("bench"), known.bench);
   reader.finish();
 }
 

@@ -225,10 +225,17 @@ void Localizer::from_above(Observation& observation) const {
       kModelError_px * kModelError_px * Eigen::Matrix2d::Identity();
   observation.covariance = from_image * observation.covariance * from_image;
   const ViewUncertainty& known = model_.uncertainty;
-  // Of scale and rotation; what tilts the view moves the image as a whole, and is in its center.
+  const BenchUncertainty& bench = known.bench;
+  // Of scale and center. The plane in focus and the robot are some millimeters apart in depth,
+  // which nothing here shows: a pupil makes a scale of it, and a tilt moves the image.
+  constexpr double kApart = 3e-3;  // m
+  const double scale = std::hypot(known.pixel, bench.pixel, bench.pupil_power * kApart);
+  const double moved =
+      std::hypot(bench.center, kApart * std::hypot(known.tilt, bench.microscope_tilt));
   const Eigen::Vector2d out = observation.position->head<2>();
   observation.systematic.setZero();
-  observation.systematic.topLeftCorner<2, 2>() = known.pixel * known.pixel * out * out.transpose();
+  observation.systematic.topLeftCorner<2, 2>() =
+      scale * scale * out * out.transpose() + moved * moved * Eigen::Matrix2d::Identity();
   observation.covariance += observation.systematic;
   observation.covariance(2, 2) = kEye * kEye;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/robot_clearance.h"
 
+#include "host/servo/view_doubt.h"
 #include "optics/system/prescriptions.h"
 #include "optics/system/tolerance.h"
 
@@ -24,6 +25,9 @@ optics::DepthDoubt doubt_of(const RigModel& model, const ClearanceBelief& belief
   if (belief.calibrated) doubt.calibrated_at = 0;  // the retina's vertex
   if (model.keep_out.eye_uncertain)
     doubt.eye = optics::viewpoint_shifts(optics::prescription(model.eye_name), optics::table_5_1());
+  const BenchShifts bench = bench_shifts(model);
+  doubt.eye.insert(doubt.eye.end(), bench.along.begin(), bench.along.end());
+  doubt.aside = bench.aside;
   doubt.check();
   return doubt;
 }
@@ -41,6 +45,12 @@ RobotClearance::RobotClearance(const RigModel& model, const ClearanceBelief& bel
   // Surfaces count from 1 at the retina, as in the thesis' tables: the second is the lens' rear.
   model_.eye.radius = model.eye.surfaces.front().radius;
   model_.eye.lens_depth = model.eye.vertex(2);
+  // A look at the robot on the retina shows it where the retina is believed: its depth is none of
+  // the height's doubts any more. The lens is looked at by nothing.
+  const BenchUncertainty& bench = model.uncertainty.bench;
+  if (!belief.calibrated) model_.eye.retina_sigma = retina_sigma(model);
+  model_.eye.sag_sigma = bench.retina_curvature;
+  model_.eye.lens_sigma = bench.axial_length;
   // What is seen through the eye moves with it, so that its place matters little. Positions of a
   // pose sensor, or of a view without an eye, have no doubt of the optics' kind, and are of a world
   // in which the walls are where the eye stands.

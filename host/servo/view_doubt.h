@@ -4,12 +4,14 @@
 #pragma once
 
 #include "host/rig/rig.h"
+#include "optics/analysis/depth_doubt.h"
 #include "optics/chain/chain_doubt.h"
 #include "vision/ellipse.h"
 
 #include <Eigen/Core>
 
 #include <optional>
+#include <vector>
 
 namespace vitreo {
 
@@ -29,8 +31,20 @@ enum class ViewCalibration {
   eye,    // the numbers of its eye, by table 5.1 (optics/chain/eye_look)
 };
 
-/// Of a rig whose eye is known ("known") all but the eye is in it; of one whose eye is known no
-/// better than thesis table 5.1 (keep_out.eye) that table and 0.3 mm of retinal depth too.
+/// m: how well the retina's depth is known; of an eye that is known by table 5.1 alone, by MRI.
+double retina_sigma(const RigModel& model);
+
+/// Where bench and microscope may stand (model.uncertainty.bench), to first order: what it does to
+/// depths that are found by size, and how far it moves a place aside, m, one sigma.
+struct BenchShifts {
+  std::vector<optics::ViewpointShift> along{};
+  double aside = 0;
+};
+/// Nothing where the view does not show the eye's axis.
+BenchShifts bench_shifts(const RigModel& model);
+
+/// What the rig says that it does not know of bench, camera and robot (model.uncertainty), and of
+/// an eye that is known no better than thesis table 5.1 (keep_out.eye) that table too.
 class ViewDoubt {
  public:
   /// `calibrated`: the model was put right by one look at the robot on the retina

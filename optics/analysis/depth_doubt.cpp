@@ -47,6 +47,7 @@ std::vector<ViewpointShift> viewpoint_shifts(const Prescription& prescription,
 void DepthDoubt::check() const {
   detail::require(std::isfinite(viewpoint), "depth doubt viewpoint: must be finite");
   detail::require(scale >= 0 && scale < 1, "depth doubt scale: must lie within 0 and 1");
+  detail::require_not_negative(aside, "depth doubt aside");
   detail::require(residual >= 0 && residual < 1, "depth doubt residual: must lie within 0 and 1");
 }
 
@@ -77,7 +78,8 @@ Eigen::Matrix3d DepthDoubt::covariance(const Eigen::Vector3d& point_in_eye) cons
   const double across = calibrated_at ? residual : scale;
   Eigen::Matrix3d covariance = sigma * sigma * along * along.transpose();
   covariance.topLeftCorner<2, 2>() +=
-      across * across * point_in_eye.head<2>() * point_in_eye.head<2>().transpose();
+      across * across * point_in_eye.head<2>() * point_in_eye.head<2>().transpose() +
+      aside * aside * Eigen::Matrix2d::Identity();
   return covariance;
 }
 

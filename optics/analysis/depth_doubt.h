@@ -33,6 +33,7 @@ struct DepthDoubt {
   /// is right, whatever s, f and v are.
   std::optional<double> calibrated_at;
   double residual = 0;  // relative sigma of s that is left after the calibration
+  double aside = 0;     // m, sigma across the axis, x and y: of what moves the picture as a whole
   void check() const;   // throws std::invalid_argument naming the parameter
   /// m^2 at a point of the eye frame: along the line of sight, and across it by the scale.
   Eigen::Matrix3d covariance(const Eigen::Vector3d& point_in_eye) const;

@@ -4,7 +4,7 @@
 #include "optics/chain/chain_estimator.h"
 #include "optics/numerics/preconditions.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 #include <limits>
 
@@ -51,18 +51,25 @@ Prescription most_probable_eye(const NominalChain& nominal, const EyeLook& look)
   return most_probable_view(nominal, look, {}).eye;
 }
 
-/// Information is additive: C = (C_prior^-1 + H)^-1.
-std::optional<ChainBelief> eye_calibrated(const ChainBelief& prior, const EyeLook& look) {
+/// With H the look's information and C_e the variances that were reckoned with, the estimate is
+/// M B'y, M = C_e (1 + H C_e)^-1, of rows y = B theta + n, B'B = H: its error (1 - M H) theta - M
+/// B'n has the covariance (1 - M H) C (1 - M H)' + M H M', which for C_e = C is (C^-1 + H)^-1.
+std::optional<ChainBelief> eye_calibrated(const ChainBelief& prior, const EyeLook& look,
+                                          const Eigen::VectorXd& reckoned) {
+  detail::require(reckoned.size() == prior.chain.size() && (reckoned.array() >= 0).all(),
+                  "reckoned: wants a variance, 0 or above, of each parameter");
   ChainLook lying = chain_look(look);
   lying.contact_sigma = look.known_z_sigma;
   lying.lying_height = look.known_z;
   const auto block = block_of(prior.chain, lying, {0, 0, look.known_z}, {0, 0}, true);
   if (!block) return std::nullopt;
+  const Eigen::MatrixXd H = information_of(*block);
+  const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(H.rows(), H.cols());
+  const Eigen::MatrixXd by_estimate = reckoned.asDiagonal();
+  const Eigen::MatrixXd M = by_estimate * (one + H * by_estimate).partialPivLu().inverse();
+  const Eigen::MatrixXd left = one - M * H;
   ChainBelief after = prior;
-  const Eigen::MatrixXd one =
-      Eigen::MatrixXd::Identity(prior.covariance.rows(), prior.covariance.cols());
-  after.covariance =
-      (prior.covariance.ldlt().solve(one) + information_of(*block)).ldlt().solve(one);
+  after.covariance = left * prior.covariance * left.transpose() + M * H * M.transpose();
   return after;
 }
 

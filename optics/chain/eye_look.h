@@ -42,8 +42,12 @@ ProbableView most_probable_view(const NominalChain& nominal, const EyeLook& look
 Prescription most_probable_eye(const NominalChain& nominal, const EyeLook& look);
 
 /// The belief after such a look in the middle of the retina, about a chain whose eye was made by
-/// it: all parameters of the chain are as well known as prior and look make them, and the height is
-/// the believed retina's. Nothing where the look is not shown.
-std::optional<ChainBelief> eye_calibrated(const ChainBelief& prior, const EyeLook& look);
+/// it; the height is the believed retina's. `reckoned`: of each parameter the variance that
+/// the estimate reckoned with, in squares of its sigma; 0 for what it took for known. With ones all
+/// of the chain is as well known as prior and look make it; else what was left out stays unknown,
+/// and is in what was estimated in its place. Nothing where the look is not shown. Throws
+/// std::invalid_argument naming reckoned.
+std::optional<ChainBelief> eye_calibrated(const ChainBelief& prior, const EyeLook& look,
+                                          const Eigen::VectorXd& reckoned);
 
 }  // namespace vitreo::optics

@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <stdexcept>
@@ -52,6 +53,39 @@ Eigen::Vector3d place(std::mt19937_64& random) {
   std::uniform_real_distribution<double> aside(-9e-3, 9e-3);
   std::uniform_real_distribution<double> height(-4.8e-3, 10e-3);
   return {aside(random), aside(random), height(random)};
+}
+
+// Retinas drawn about the believed one: their depth along z, and their sag by the radius.
+TEST(Clearance, HoldsWhereTheWallsAreNotWhereTheyAreBelieved) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  EyeCavity eye;
+  eye.retina_sigma = 0.3e-3;
+  eye.sag_sigma = 0.15e-3;
+  eye.lens_sigma = 0.1e-3;
+  const BodySurface body{BodyShape::sphere, 0.25e-3, 0.25e-3};
+  for (const Eigen::Vector3d& at :
+       {Eigen::Vector3d(0, 0, -3.5e-3), Eigen::Vector3d(3e-3, 0, -3e-3)}) {
+    const Clearance shown = clearance(body, eye, pose_at(at, {1, 0, 0}));
+    const Clearance sure = clearance(body, {}, pose_at(at, {1, 0, 0}));
+    EXPECT_EQ(shown.retina.distance, sure.retina.distance);
+    EXPECT_GT(shown.retina.uncertainty, 2.4 * 0.3e-3);
+    EXPECT_NEAR(shown.lens.uncertainty, 2.58 * 0.1e-3, 1e-9);
+    constexpr int kDraws = 4000;
+    int nearer = 0;
+    for (int k = 0; k < kDraws; ++k) {
+      samples::Eye real;
+      real.vertex.z() += 0.3e-3 * normal(random);
+      // A retina whose radius is off by more is none (devices/sim/optics_sample).
+      const double off = 2 * 0.15e-3 * normal(random) * std::pow(real.radius / 4e-3, 2);
+      real.radius -= std::clamp(off, -0.3 * real.radius, 0.3 * real.radius);
+      const double distance = samples::from_retina(real, at) - body.semi_radius;
+      nearer += distance < shown.retina.bound();
+    }
+    // One in two hundred; the square root of 20 about it, and a radius that is not linear.
+    EXPECT_LT(nearer, 36) << at.x();
+    EXPECT_GT(nearer, 6) << at.x();
+  }
 }
 
 TEST(Clearance, IsThatOfTheNearestSampleOfTheSurfaceWhateverShapePlaceAndAttitude) {

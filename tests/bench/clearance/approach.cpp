@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/clearance/approach.h"
 
+#include "devices/sim/bench_sample.h"
+#include "host/rig/rig_settings.h"
 #include "host/servo/believed_view.h"
 #include "host/trials/soak_plan.h"
 #include "optics/calibration/camera_calibration.h"
@@ -31,7 +33,13 @@ RigDescription rig_of(const ApproachSetting& setting) {
   // as an ellipsoid is believed to be one, as by the rig "ellipsoid".
   if (setting.upright) {
     truth["drawn_as"] = ConfigValue{std::string("ellipsoid")};
-    description.table["model"] = ConfigValue{ConfigTable{{"shape", {"ellipsoid"}}}};
+    description.table["model"] = model_of_known_bench({{"shape", {"ellipsoid"}}});
+  }
+  if (setting.sampled_bench) {
+    truth["optics"] = ConfigValue{ConfigTable{{"bench", {std::string("sampled")}}}};
+    ConfigTable model;
+    if (setting.upright) model["shape"] = ConfigValue{std::string("ellipsoid")};
+    description.table["model"] = setting.told ? ConfigValue{model} : model_of_known_bench(model);
   }
   description.table["truth"] = ConfigValue{truth};
   ConfigTable keep_out{{"margin", {setting.margin}}};
@@ -46,9 +54,19 @@ double named(const sim::Laboratory& laboratory, const std::string& name, double 
   return else_value;
 }
 
-/// Where the plant's eye stands, which is not where the loop believes it.
-samples::Eye eye_of(const sim::Laboratory& laboratory) {
+/// Where the plant's eye stands, which is not where the loop believes it; of a bench that is drawn
+/// its retina's depth and sag (thesis 4.3): r^2 / (2 R) changes by -r^2 dR / (2 R^2).
+samples::Eye eye_of(const sim::Laboratory& laboratory, const ApproachSetting& setting) {
   samples::Eye eye;
+  if (setting.sampled_bench) {
+    const RigDescription description = rig_of(setting);
+    ConfigReader reader(description);
+    const sim::LaboratorySettings believed = read_rig_settings(reader).laboratory;
+    const auto bench = sim::sample_bench(believed, sim::OpticsSigmas::stated(), setting.seed);
+    eye.vertex.z() += bench.retina_depth;
+    eye.lens += bench.axial_length - bench.retina_depth;
+    eye.radius -= 2 * bench.retina_curvature * std::pow(eye.radius / 4e-3, 2);
+  }
   eye.vertex += Eigen::Vector3d(named(laboratory, "eye_x_m", 0), named(laboratory, "eye_y_m", 0),
                                 named(laboratory, "eye_z_m", 0));
   return eye;
@@ -57,13 +75,13 @@ samples::Eye eye_of(const sim::Laboratory& laboratory) {
 /// The truth beside the loop.
 class Judge {
  public:
-  Judge(const TestBench& bench, bool upright)
+  Judge(const TestBench& bench, const ApproachSetting& setting)
       : laboratory_(*bench.rig->laboratory()),
         coils_(*bench.rig->rig().coils),
-        eye_(eye_of(laboratory_)) {
+        eye_(eye_of(laboratory_, setting)) {
     const control::Robot& robot = bench.rig->rig().model.robot;
     const double size = named(laboratory_, "size_factor", 1);
-    half_ = (upright ? robot.semi_axis : robot.semi_radius) * size;
+    half_ = (setting.upright ? robot.semi_axis : robot.semi_radius) * size;
     body_ = samples::spheroid(robot.semi_axis * size, robot.semi_radius * size, 120, 60);
   }
   double clearance_at(Time time) const {
@@ -250,7 +268,7 @@ ApproachResult run_approach(const ApproachSetting& setting) {
     settings.view = *view;
     bench.clock->sleep_for(from_seconds(0.3));
   }
-  Judge judge(bench, setting.upright);
+  Judge judge(bench, setting);
   bench.rig->rig().sample->remove_robot();
   const auto servo =
       std::make_unique<Servo>(*bench.clock, bench.roles(), *bench.recorder, bench.eyes(), settings);

@@ -150,6 +150,25 @@ TEST(RobotClearance, ThroughAnEyeItIsLessCertainAndLeastSoWhereTheEyeIsNotKnown)
   EXPECT_LT(calibrated, 0.5 * by_unknown_eye) << "on the retina, where it counts";
 }
 
+// Whatever way the robot is found, its retina may stand elsewhere; a look at the robot that lies on
+// it says where it is seen.
+TEST(RobotClearance, OfABenchSetUpByHandHasTheRetinasDepthUntilTheRobotWasSeenOnIt) {
+  RigModel known = TestBench().roles().model;
+  RigModel by_hand = known;
+  by_hand.uncertainty.bench = {};
+  const Eigen::Vector3d place(0, 0, -3e-3);
+  const auto uncertainty = [&](const RigModel& model, const ServoSettings& with) {
+    return RobotClearance(model, with.clearance_belief()).at(place)->retina.uncertainty;
+  };
+  EXPECT_GT(uncertainty(by_hand, by_pose()), 2.5 * 0.3e-3);
+  ServoSettings settings;
+  settings.feedback = Feedback::one_camera;
+  const double before = uncertainty(by_hand, settings);
+  EXPECT_GT(before, std::hypot(uncertainty(known, settings), 2.5 * 0.3e-3));
+  settings.view.image_scale = 1.01;
+  EXPECT_LT(uncertainty(by_hand, settings), 0.4 * before);
+}
+
 TEST(RobotClearance, TheMarginOfTheRigFileIsReadWithItsBounds) {
   EXPECT_EQ(TestBench(1, {}, rig_with_margin(0.35e-3)).roles().model.keep_out.margin, 0.35e-3);
   EXPECT_THROW(TestBench(1, {}, rig_with_margin(-1e-4)), ConfigError);

@@ -17,6 +17,14 @@ RigModel rig_model(bool eye_uncertain) {
   model.eye = optics::model_eye_5_3();
   model.robot = control::robot_named("coni_2mm");
   model.keep_out.eye_uncertain = eye_uncertain;
+  model.uncertainty.bench = BenchUncertainty::none();
+  return model;
+}
+
+/// Of a bench that was set up by hand, which the rig says by default.
+RigModel by_hand() {
+  RigModel model = rig_model(false);
+  model.uncertainty = {};
   return model;
 }
 
@@ -67,6 +75,53 @@ TEST(ViewDoubt, AnEyeKnownByTable51AloneIsHalfAMillimeterOfDepth) {
   const double after = depth_sigma(model, true, 5e-3);
   EXPECT_LT(after, 0.7 * before);
   EXPECT_GT(after, 200 * kUm) << "the retina's own 0.3 mm stay in the absolute depth";
+}
+
+// What one sigma of each part does to a place 5 mm over the retina; the lens' place alone is more
+// than camera and robot are.
+TEST(ViewDoubt, ABenchSetUpByHandIsInTheDepthAndAside) {
+  const double known = depth_sigma(rig_model(false), false, 5e-3);
+  const double bench = depth_sigma(by_hand(), false, 5e-3);
+  EXPECT_GT(bench, 1.2 * known);
+  EXPECT_LT(bench, 1.5e-3);
+  const Eigen::Vector3d position(1e-3, 0, 5e-3);
+  const RigModel model = by_hand();
+  const auto stays = ViewDoubt(model, {1, 0, 0}, ViewCalibration::none)
+                         .systematic(position, {1, 0, 0}, seen_at(model, position), false, 0);
+  ASSERT_TRUE(stays);
+  EXPECT_GT(std::sqrt(stays->whole(0, 0)), 150 * kUm) << "lens, eye and image stand aside";
+  EXPECT_GT(std::sqrt(stays->whole(1, 1)), 150 * kUm);
+}
+
+// A telecentric microscope's picture does not show where its plane in focus is.
+TEST(ViewDoubt, EachPartOfTheBenchMakesItLarger) {
+  RigModel model = rig_model(false);
+  const double known = depth_sigma(model, false, 5e-3);
+  for (double BenchUncertainty::*part :
+       {&BenchUncertainty::pupil_power, &BenchUncertainty::lens_axial,
+        &BenchUncertainty::axial_length, &BenchUncertainty::pixel}) {
+    model.uncertainty.bench = BenchUncertainty::none();
+    model.uncertainty.bench.*part = BenchUncertainty().*part;
+    EXPECT_GT(depth_sigma(model, false, 5e-3), 1.001 * known);
+  }
+}
+
+// The look reckoned with the eye, the pixel and the robot; what it did not reckon with is in the
+// eye that it made, and stays in the depth.
+TEST(ViewDoubt, ALookThatPutsTheEyeRightLeavesTheBench) {
+  RigModel model = by_hand();
+  model.keep_out.eye_uncertain = true;
+  const Eigen::Vector3d position(1e-3, 0, 5e-3);
+  const auto sigma = [&](ViewCalibration how) {
+    const auto stays = ViewDoubt(model, {1, 0, 0}, how)
+                           .systematic(position, {1, 0, 0}, seen_at(model, position), false, 0);
+    EXPECT_TRUE(stays);
+    return std::sqrt(stays->whole(2, 2));
+  };
+  const double before = sigma(ViewCalibration::none), after = sigma(ViewCalibration::eye);
+  EXPECT_LT(after, before);
+  model.uncertainty.bench = BenchUncertainty::none();
+  EXPECT_GT(after, sigma(ViewCalibration::eye));
 }
 
 }  // namespace VITREO_TEST_FILE

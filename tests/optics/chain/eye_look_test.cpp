@@ -71,7 +71,8 @@ Looks looks_at(int first, int count) {
     NominalChain made = nominal;
     made.prescription = most_probable_eye(nominal, one);
     const PoseSettings through = seen_through(nominal, made.prescription.system);
-    const auto belief = eye_calibrated(prior_belief(made, sigmas), one);
+    const ChainBelief prior = prior_belief(made, sigmas);
+    const auto belief = eye_calibrated(prior, one, Eigen::VectorXd::Ones(prior.chain.size()));
     EXPECT_TRUE(belief);
     double by_scale = 0, by_eye = 0;
     for (int i = 0; i < 12; ++i) {

@@ -209,7 +209,8 @@ std::optional<ChainBelief> by_eye(const NominalChain& nominal, const ChainSigmas
   probable.image.pixel *= made.pixel;
   probable.robot.semi_axis *= made.robot_length;
   probable.robot.semi_radius *= made.robot_width;
-  return eye_calibrated(prior_belief(probable, sigmas), one);
+  const ChainBelief prior = prior_belief(probable, sigmas);
+  return eye_calibrated(prior, one, Eigen::VectorXd::Ones(prior.chain.size()));
 }
 
 void one_look(const NominalChain& nominal, const ChainSigmas& sigmas, const Scale& scale,
