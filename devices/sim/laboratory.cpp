@@ -519,6 +519,8 @@ CoilTruth Laboratory::coils(Time time) {
 std::vector<std::pair<std::string, double>> Laboratory::drawn() const {
   auto values = sample_plant(state_->settings.sigmas, state_->machine_seed).named();
   values.emplace_back("moment_factor", state_->world.settings().moment_gain);
+  const auto& bench = state_->settings.drawn_bench;
+  values.insert(values.end(), bench.begin(), bench.end());
   return values;
 }
 

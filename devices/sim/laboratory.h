@@ -40,8 +40,8 @@ struct LaboratorySettings {
   double roll_sigma = 0;       // rad, about world.roll, sampled from the seed
   PlantSigmas sigmas;          // of the plant's other parameters, sampled from the seed
   std::optional<HandTuning> hand_tuning;  // before the run; nothing: untrimmed
-  // the model with which the operator tuned
-  control::FieldModel believed_field = control::CoilField::octomag();
+  control::FieldModel believed_field = control::CoilField::octomag();  // the operator tuned by it
+  std::vector<std::pair<std::string, double>> drawn_bench;  // as OpticsSample names it, for drawn()
   optics::System eye = optics::model_eye_5_3();
   optics::Microscope microscope;
   optics::ImageScale top_image;
@@ -134,8 +134,7 @@ class Laboratory {
   std::optional<Truth> truth(Time time);
   /// At `time`, or now where that is past.
   CoilTruth coils(Time time);
-  /// What was drawn of the machine that there is, with the moment: a name and value of each, for
-  /// the record.
+  /// What was drawn of machine and bench, with the moment: a name and value each, for the record.
   std::vector<std::pair<std::string, double>> drawn() const;
   /// Counts the machines that there have been: it rises with each redraw().
   int machines() const;

@@ -198,6 +198,8 @@ LaboratorySettings with_optics(LaboratorySettings settings, const OpticsSample& 
   const Eigen::Vector2d off = sample.center / settings.top_image.pixel;
   settings.top_image.center_px += Eigen::Vector2d(off.x(), -off.y());
   settings.stage_play = {sample.stage_backlash, sample.stage_noise};
+  for (const auto& one : sample.named())  // what stands as believed is no news
+    if (one.second != 0 && one.second != 1) settings.drawn_bench.push_back(one);
   if (settings.top_view == TopView::plain)
     settings.plain = {1 / settings.microscope.pupil_distance + sample.pupil_power,
                       settings.microscope.tilt + sample.microscope_tilt, sample.object_plane};

@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
+#include <string>
 
 namespace vitreo::sim {
 namespace VITREO_TEST_FILE {
@@ -36,6 +38,21 @@ TEST(OpticsSample, HasTheStatedSigmasOverSeeds) {
   }
   EXPECT_NEAR(std::sqrt(lens), 0.5e-3, 0.05e-3);
   EXPECT_NEAR(pupil, 2, 0.2);
+}
+
+TEST(OpticsSample, WhatWasDrawnIsAmongWhatTheRecordTells) {
+  const OpticsSample sample = sample_optics(OpticsSigmas::stated(), 7);
+  const auto clock = virtual_clock();
+  const auto told_of = [&clock](const OpticsSample& bench) {
+    const Laboratory laboratory(with_optics({}, bench), *clock, 7);
+    std::map<std::string, double> told;
+    for (const auto& [name, value] : laboratory.drawn()) told[name] = value;
+    return told;
+  };
+  const auto told = told_of(sample);
+  EXPECT_EQ(told.at("retina_depth_m"), sample.retina_depth);
+  EXPECT_EQ(told.at("lens_aside_x_m"), sample.lens_aside.x());
+  EXPECT_EQ(told_of({}).count("retina_depth_m"), 0U) << "it stands as believed";
 }
 
 TEST(OpticsSample, ADeeperRetinaLeavesTheLensesWhereTheyAre) {
