@@ -78,9 +78,6 @@ TEST(OpticsSample, TheMicroscopeStaysWhereItIsWhenTheCondensingLensMoves) {
   EXPECT_NEAR(plane(off), plane(settings), 1e-12);
 }
 
-<<<<<<< HEAD
-}  // namespace VITREO_TEST_FILE
-=======
 TEST(OpticsSample, EverySurfaceOfABelievedBenchStaysOnTheAxis) {
   OpticsSample sample;
   EXPECT_TRUE(sample.applied_to(optics::model_eye_5_3()).is_symmetric());
@@ -123,6 +120,5 @@ TEST(StagePlay, LosesItsBacklashAtAReversalAndComesToRestBesideThePlace) {
   EXPECT_EQ(StagePlay({}, 1).carried(0.123e-3), 0.123e-3);
 }
 
-}  // namespace
->>>>>>> dabf20ba1dd466a2fa3e3894f31911af9eadbe7c
+}  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::sim
