@@ -39,7 +39,9 @@ RigDescription rig_of(const ApproachSetting& setting) {
     truth["optics"] = ConfigValue{ConfigTable{{"bench", {std::string("sampled")}}}};
     ConfigTable model;
     if (setting.upright) model["shape"] = ConfigValue{std::string("ellipsoid")};
-    description.table["model"] = setting.told ? ConfigValue{model} : model_of_known_bench(model);
+    const ConfigTable places{{"places", {std::string(setting.told ? "by_hand" : "known")}}};
+    model["uncertainty"] = ConfigValue{ConfigTable{{"bench", {places}}}};
+    description.table["model"] = ConfigValue{model};
   }
   description.table["truth"] = ConfigValue{truth};
   ConfigTable keep_out{{"margin", {setting.margin}}};

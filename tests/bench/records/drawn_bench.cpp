@@ -26,6 +26,9 @@ RigDescription rig_of(const BenchKind& kind) {
                                                     {"projection", {std::string("exact")}},
                                                     {"projection_reach", {kReach}}}};
   const std::string bench = kind.sampled ? "sampled" : "believed";
+  const ConfigTable places{{"places", {std::string("by_hand")}}};
+  rig.table["model"] =
+      ConfigValue{ConfigTable{{"uncertainty", {ConfigTable{{"bench", {places}}}}}}};
   rig.table["truth"] = ConfigValue{ConfigTable{{"machine", {std::string("sampled")}},
                                                {"optics", {ConfigTable{{"bench", {bench}}}}}}};
   if (kind.perturbed_eye)

@@ -21,7 +21,7 @@ RigModel rig_model(bool eye_uncertain) {
   return model;
 }
 
-/// Of a bench that was set up by hand, which the rig says by default.
+/// Of a bench that was set up by hand.
 RigModel by_hand() {
   RigModel model = rig_model(false);
   model.uncertainty = {};
