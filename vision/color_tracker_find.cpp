@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
 // Where the object is not, or not yet: the search of the image, and what it takes to be believed.
+// SPDX-License-Identifier: Apache-2.0
 #include "vision/color_tracker_state.h"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
-// SPDX-License-Identifier: Apache-2.0
 // Where the object is expected: one measurement at the prediction, and what it does to motion and
 // size.
+// SPDX-License-Identifier: Apache-2.0
 #include "vision/color_tracker_state.h"
 
 #include <algorithm>
