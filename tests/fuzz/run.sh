@@ -15,7 +15,7 @@ for fuzzer in "$1"/${4:-*}_fuzz; do
   seeds=""
   [ -d "$corpus" ] && seeds="$corpus"
   # shellcheck disable=SC2086
-  "$fuzzer" "$bound" -timeout=5 -max_len=4096 -verbosity=0 -print_final_stats=1 -artifact_prefix="$1/$name-" "$work" $seeds
+  "$fuzzer" "$bound" -timeout=30 -max_len=4096 -verbosity=0 -print_final_stats=1 -artifact_prefix="$1/$name-" "$work" $seeds
   if [ "${KEEP:-}" = 1 ]; then
     mkdir -p "$corpus"
     "$fuzzer" -merge=1 -verbosity=0 "$corpus" "$work"
