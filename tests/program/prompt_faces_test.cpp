@@ -175,6 +175,32 @@ TEST(PipedPrompt, AProtocolThatFailedAndWasCaughtHasEnded) {
   EXPECT_NE(spoken.err.find("fails.lua:4"), std::string::npos) << spoken.err;
 }
 
+// What a protocol leaves in the run's folder does not keep it from being run again.
+TEST(PipedPrompt, AProtocolRunsAgainAndItsFilesAreItsOwn) {
+  const Workplace place;
+  std::filesystem::create_directories(place.folder() / "protocols");
+  std::filesystem::create_directories(place.folder() / "scripts/rigs");
+  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua",
+                        place.folder() / "scripts/rigs");
+  place.write("protocols/table.lua",
+              "return { title = 'table', parameters = { x = { default = 1 } },\n"
+              "run = function(rig, p, run)\n"
+              "  files.write('t.csv', ('x\\n%d\\n'):format(p.x))\n"
+              "  print(files.read_csv('t.csv').rows[1].x)\n"
+              "  print(pcall(files.write, 't.csv', ''))\nend }\n");
+  const Spoken spoken = place.vitreo("--out runs", "for i = 1, 3 do run('table', { x = i }) end\n");
+  EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
+  for (const char* said : {"1.0\nfalse", "2.0\nfalse", "3.0\nfalse"})
+    EXPECT_NE(spoken.out.find(said), std::string::npos) << said << " in " << spoken.out;
+  EXPECT_NE(spoken.out.find("t.csv was written by this protocol already"), std::string::npos)
+      << spoken.out;
+  int found = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(place.folder() / "runs"))
+    for (const char* name : {"t.csv", "t_2.csv", "t_3.csv"})
+      found += entry.path().filename() == name ? 1 : 0;
+  EXPECT_EQ(found, 3);
+}
+
 TEST(PipedPrompt, EachProtocolShowsItsOwnResults) {
   const Workplace place;
   std::filesystem::create_directories(place.folder() / "protocols");

@@ -47,7 +47,8 @@ fs::path readable(const Context& context, const std::string& path) {
   const std::vector<fs::path> given = given_by_people(context);
   bool outside = false;
   for (const fs::path& folder : folders) {
-    const fs::path file = plain_path(folder / path);
+    const bool own = context.session && folder == context.session->recorder.folder();
+    const fs::path file = plain_path(folder / (own ? name_in_run(context, path) : path));
     if (!fs::exists(file)) continue;
     const auto holds = [&file](const fs::path& one) { return below(plain_path(one), file); };
     if (std::any_of(folders.begin(), folders.end(), holds) ||
@@ -62,8 +63,15 @@ fs::path readable(const Context& context, const std::string& path) {
                : ": there is no such file or folder"));
 }
 
-/// Never an existing one: what a run has written stays as it was written.
-fs::path writable(const Context& context, const std::string& name) {
+std::string name_in_run(const Context& context, const std::string& name) {
+  if (!context.nested) return name;
+  const auto found = context.nested->files.find(name);
+  return found == context.nested->files.end() ? name : found->second;
+}
+
+/// Never an existing one: what a run has written stays as it was written. A protocol at the prompt
+/// finds the files of those before it in the same folder: its own get a number then.
+fs::path writable(Context& context, const std::string& name) {
   if (!context.session) throw std::runtime_error("there is no run while a file is only being read");
   const auto letter = [](unsigned char c) {
     return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.';
@@ -75,9 +83,19 @@ fs::path writable(const Context& context, const std::string& name) {
   for (const char* own : {"run.sqlite", "report.html", "summary.json"})
     if (name.starts_with(own))
       throw std::invalid_argument("name: " + name + " belongs to the run's record");
-  const fs::path file = context.session->recorder.folder() / name;
-  if (fs::exists(file))
-    throw std::invalid_argument("name: " + name + " is in the run's folder already");
+  const fs::path folder = context.session->recorder.folder();
+  if (!context.nested) {
+    if (fs::exists(folder / name))
+      throw std::invalid_argument("name: " + name + " is in the run's folder already");
+    return folder / name;
+  }
+  if (context.nested->files.contains(name))
+    throw std::invalid_argument("name: " + name + " was written by this protocol already");
+  fs::path file = folder / name;
+  for (int number = 2; fs::exists(file); ++number)
+    file = folder / (fs::path(name).stem().string() + "_" + std::to_string(number) +
+                     fs::path(name).extension().string());
+  context.nested->files[name] = file.filename().string();
   return file;
 }
 

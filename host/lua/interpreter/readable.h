@@ -17,7 +17,10 @@ std::filesystem::path readable(const Context& context, const std::string& path);
 
 /// A new file of the run's folder, by its plain name. Throws std::invalid_argument when the name
 /// has a folder or another letter than letters, digits, '-', '_', '.', or belongs to the record, or
-/// exists.
-std::filesystem::path writable(const Context& context, const std::string& name);
+/// exists. Of a protocol at the prompt, a file that one before it wrote does not stand in the way:
+/// the new one is called name_2.csv, and readable() finds it by the protocol's own name for it.
+std::filesystem::path writable(Context& context, const std::string& name);
+/// What a file of the run's folder is called, by the name that the protocol gave it.
+std::string name_in_run(const Context& context, const std::string& name);
 
 }  // namespace vitreo::lua

@@ -167,7 +167,7 @@ int run_by_name(lua_State* L) {
     check_roles(protocol, context.session->rig);
     auto values = given_parameters(L, 3, protocol);
     // What is deferred and opened from here on ends with the protocol, not with the session.
-    context.nested = {context.deferred.size(), context.closers.size()};
+    context.nested = {context.deferred.size(), context.closers.size(), {}};
     lua_pushboolean(L, 0);
     lua_setfield(L, LUA_REGISTRYINDEX, kProtocolEnded);
     context.dead_time = 0;  // this run's, as every result that is shown at its end

@@ -135,7 +135,7 @@ int install_calibration(Call& call) {
   each_named(call, "files", [&](const std::string& name) {
     if (lua_type(call.L, -1) != LUA_TSTRING)
       throw std::invalid_argument("files: " + name + ": wants a text, got " + kind_of(call.L, -1));
-    accepted.files[name] = lua_tostring(call.L, -1);
+    accepted.files[name] = name_in_run(call.context(), lua_tostring(call.L, -1));
   });
   std::filesystem::path file;
   if (session.rehearsal == nullptr)  // a dry run measures nothing
