@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -27,6 +28,9 @@ constexpr double kPlantSigmas = 6;
 constexpr double kPlantOffset = 30e-6;
 constexpr double kPlantDriftChange = 0.3e-3;
 constexpr double kPlantGainError = 0.5;
+// Of the robot's response over the believed one, by what it did before.
+constexpr double kPlantLeastPart = 0.3;
+constexpr double kPlantMostPart = 2;
 // Standard deviations of what the view is off by the robot's attitude, and the part of each coil's
 // share of the field by which it turns the robot unnoticed: a gain of 3 %, an axis of 1.5 degrees
 // (control::FieldPerturbation). Where coils work against each other that is 0.15 rad at 10 mT.
@@ -39,11 +43,17 @@ constexpr int kPlantSure = 2;  // measurements in a row
 constexpr double kPlantTold = 0.4e-3;
 constexpr double kPlantGone = 0.15;
 constexpr int kPlantStoodFor = 4;  // measurements in a row
-// m, rms: of what was told within a window, beyond a straight line in time, that says something. A
-// healthy machine's drift changes too, and a robot that is held in place against it is told as much
-// and stands: docs/reliability.md.
-constexpr double kPlantBent = 60e-6;
-constexpr double kPlantLeastBentSpan = 0.25;  // s
+// s: windows over which what was told is held against what was seen, without their straight lines.
+constexpr std::array kPlantBends{0.6, 0.8, 1.0, 1.25, 1.5};
+constexpr double kPlantLags = 3;  // of the coils, until the first currents flow
+constexpr double kPlantLeastBentSpan = 0.5;
+// m, rms: of what was told, beyond a straight line, that says something. A robot that is held in
+// place against a drift that changes is told as much and stands: docs/reliability.md.
+constexpr double kPlantBent = 20e-6;
+// The part of it that is surely not seen, by so many standard deviations: a robot of twice the drag
+// and two thirds of the moment still shows a third.
+constexpr double kPlantPart = 0.3;
+constexpr double kPlantPartSigmas = 4;
 // s after the robot was found: places by outlines of another attitude were up to 1.5 mm off, in two
 // to five frames, and a drift of millimeters per second came of it that no motion had.
 constexpr double kPlantTurnsIn = 0.5;
@@ -57,29 +67,44 @@ constexpr Eigen::Index kPlantAsTold = 0;
 constexpr Eigen::Index kPlantNone = 1;
 constexpr Eigen::Index kPlantCoils = 2;
 
-/// Places over time, and what of them is no straight line.
-class Bent {
+/// What was told and what was seen over time, both without their straight lines: how much of the
+/// one is in the other, by least squares.
+class Answer {
  public:
-  void add(double time, const Eigen::Vector3d& place) {
+  void add(double time, const Eigen::Vector3d& told, const Eigen::Vector3d& seen) {
     count_ += 1;
     time_ += time;
     times_ += time * time;
-    place_ += place;
-    places_ += place.squaredNorm();
-    product_ += time * place;
+    told_.add(time, told);
+    seen_.add(time, seen);
+    squares_ += told.squaredNorm();
+    products_ += told.dot(seen);
   }
-  /// m: root mean square distance from the line that fits best.
-  double rms() const {
-    const double spread = times_ - time_ * time_ / count_;
-    const Eigen::Vector3d along = product_ - time_ / count_ * place_;
-    const double left =
-        places_ - place_.squaredNorm() / count_ - along.squaredNorm() / std::max(spread, 1e-12);
-    return std::sqrt(std::max(0.0, left) / count_);
-  }
+  /// m: root mean square distance of what was told from the line that fits best.
+  double bent() const { return std::sqrt(squares() / count_); }
+  double part() const { return without_lines(products_, seen_) / squares(); }
+  /// Of the part, where a place has this variance, m^2.
+  double sigma(double variance) const { return std::sqrt(variance / squares()); }
 
  private:
-  double count_ = 0, time_ = 0, times_ = 0, places_ = 0;
-  Eigen::Vector3d place_{0, 0, 0}, product_{0, 0, 0};
+  struct Places {
+    Eigen::Vector3d sum{0, 0, 0}, by_time{0, 0, 0};
+    void add(double time, const Eigen::Vector3d& place) {
+      sum += place;
+      by_time += time * place;
+    }
+  };
+  double squares() const { return std::max(1e-18, without_lines(squares_, told_)); }
+  // sum told' other, of both what their lines leave.
+  double without_lines(double products, const Places& other) const {
+    const double spread = std::max(times_ - time_ * time_ / count_, 1e-12);
+    const auto along = [&](const Places& one) -> Eigen::Vector3d {
+      return one.by_time - time_ / count_ * one.sum;
+    };
+    return products - told_.sum.dot(other.sum) / count_ - along(told_).dot(along(other)) / spread;
+  }
+  double count_ = 0, time_ = 0, times_ = 0, squares_ = 0, products_ = 0;
+  Places told_, seen_;
 };
 
 double largest_variance(const Eigen::Matrix3d& noise) { return noise.diagonal().maxCoeff(); }
@@ -109,6 +134,7 @@ void PlantWatch::commanded(double now, const control::Currents& currents,
   constexpr std::size_t kMost = 4096;  // where nothing is measured meanwhile
   if (told_.size() >= kMost) told_.pop_front();
   told_.push_back({now + model_.command_delay, currents});
+  flows_from_ = std::min(flows_from_, now + model_.command_delay + kPlantLags * lag_);
   mobility_ = mobility;
 }
 
@@ -204,47 +230,50 @@ void PlantWatch::measured(double time, const Eigen::Vector3d& position,
   samples_.push_back(std::move(now));
   while (time - samples_.front().time > kPlantKept) samples_.pop_front();
   unanswered_ = unanswered() ? unanswered_ + 1 : 0;
-  if (const auto slow = drift()) look_back(*slow);
+  if (const auto slow = before()) look_back(*slow);
   standing_ = stood_ >= kPlantStoodFor || unanswered_ >= kPlantSure;
 }
 
-// What was told of the last second, and what was seen, each without a straight line in time: a
-// drift makes one, whatever its size, and a command that cancels it the same, so that neither need
-// be known. So a robot that is told more and more and shows nothing of it stands, from the first
-// half second on, in which the drift of a robot that is free is unknown. Places by outlines of
-// another attitude are no matter here: what moves does not stand.
+// What was told lately, and what was seen, each without a straight line in time: a drift makes one,
+// whatever its size, and a command that cancels it the same, so that neither need be known. What is
+// left of the one is in the other as far as the robot obeys; where none of it is, the robot stands,
+// or the view is old. From the first quarter of a second on, in which the drift of a robot that is
+// free is unknown. Places by outlines of another attitude are no matter here: what moves does not
+// stand.
 bool PlantWatch::unanswered() const {
-  const Sample& now = samples_.back();
-  const auto first = std::find_if(samples_.begin(), samples_.end(), [&now](const Sample& one) {
-    return now.time - one.time <= kPlantLongest;
+  return std::any_of(kPlantBends.begin(), kPlantBends.end(), [this](double window) {
+    const Sample& now = samples_.back();
+    const auto first = std::find_if(samples_.begin(), samples_.end(), [&](const Sample& one) {
+      return one.time >= flows_from_ && now.time - one.time <= window;
+    });
+    if (first == samples_.end() || now.time - first->time < kPlantLeastBentSpan) return false;
+    Answer answer;
+    double variance = 0;
+    for (auto one = first; one != samples_.end(); ++one) {
+      answer.add(one->time - first->time,
+                 one->moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold),
+                 one->position - first->position);
+      variance = std::max(variance, one->variance);
+    }
+    const double told = (now.moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold)).norm();
+    const double went = (now.position - first->position).norm();
+    return answer.bent() > kPlantBent &&
+           answer.part() + kPlantPartSigmas * answer.sigma(variance) < kPlantPart &&
+           went < kPlantGone * told + kPlantPartSigmas * std::sqrt(2 * variance);
   });
-  if (now.time - first->time < kPlantLeastBentSpan) return false;
-  const Eigen::Vector3d told = now.moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold);
-  const Eigen::Vector3d went = now.position - first->position;
-  if (told.norm() < kPlantTold || went.norm() > kPlantGone * told.norm()) return false;
-  Bent moved, seen;
-  double variance = 0;
-  for (auto one = first; one != samples_.end(); ++one) {
-    moved.add(one->time - first->time,
-              one->moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold));
-    seen.add(one->time - first->time, one->position - first->position);
-    variance = std::max(variance, one->variance);
-  }
-  const double noise = std::sqrt(3 * variance);
-  const double bent = moved.rms();
-  return bent > kPlantBent && bent > kPlantSigmas * noise &&
-         seen.rms() < kPlantGone * bent + 2 * noise;
 }
 
 // At all windows that end now.
-void PlantWatch::look_back(const Eigen::Vector3d& slow) {
+void PlantWatch::look_back(const Before& slow) {
   const double time = samples_.back().time;
   Verdict most;
   bool stands = false;
-  for (const Sample& then : samples_) {
-    if (time - then.time > kPlantLongest || then.time < heard_from_) continue;
-    if (time - then.time < kPlantShortest) break;
-    Verdict found = judge(then, samples_.back(), slow);
+  double farthest = 0;  // m, that it was within the window from where it is
+  for (auto then = samples_.rbegin(); then != samples_.rend(); ++then) {
+    if (time - then->time > kPlantLongest || then->time < heard_from_) break;
+    farthest = std::max(farthest, (then->position - samples_.back().position).norm());
+    if (time - then->time < kPlantShortest) continue;
+    Verdict found = judge(*then, samples_.back(), slow, farthest);
     stands = stands || found.standing;
     if (found.excess > most.excess) most = std::move(found);
   }
@@ -254,8 +283,7 @@ void PlantWatch::look_back(const Eigen::Vector3d& slow) {
   if (doubtful_ >= kPlantSure && fault_.empty()) fault_ = most.text;
 }
 
-// The mean velocity that the model left over.
-std::optional<Eigen::Vector3d> PlantWatch::drift() const {
+std::optional<PlantWatch::Before> PlantWatch::before() const {
   const double until = samples_.back().time - kPlantDriftAge;
   const Sample* last = nullptr;
   const Sample* first = nullptr;
@@ -266,16 +294,27 @@ std::optional<Eigen::Vector3d> PlantWatch::drift() const {
     last = &one;
   }
   if (first == nullptr || last->time - first->time < kPlantLeastDriftSpan) return std::nullopt;
-  const Eigen::Vector3d moved = last->moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold);
-  return (last->position - first->position - moved) / (last->time - first->time);
+  const double span = last->time - first->time;
+  return Before{(last->moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold)) / span,
+                (last->position - first->position) / span};
 }
 
-PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now,
-                                      const Eigen::Vector3d& drift) const {
+PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now, const Before& slow,
+                                      double farthest) const {
   const double span = now.time - then.time;
   const Motions moved = now.moved - then.moved;
   const Eigen::Vector3d went = now.position - then.position;
-  const Eigen::Vector3d expected = moved.col(kPlantAsTold) + span * drift;
+  // What was left over before is a drift, or a part of what was told: after a turn the two differ
+  // by as much as the robot's response is wrong. The one that explains more counts.
+  const double part =
+      std::clamp(slow.went.dot(slow.told) / std::max(slow.told.squaredNorm(), 1e-18),
+                 kPlantLeastPart, kPlantMostPart);
+  const auto expected_by = [&](double response) -> Eigen::Vector3d {
+    return response * moved.col(kPlantAsTold) + span * (slow.went - response * slow.told);
+  };
+  const Eigen::Vector3d by_drift = expected_by(1), by_response = expected_by(part);
+  const bool drifts = (went - by_drift).norm() < (went - by_response).norm();
+  const Eigen::Vector3d expected = drifts ? by_drift : by_response;
   const Eigen::Vector3d left = went - expected;
   const double sigma = std::sqrt(then.variance + now.variance);
   const double turned =
@@ -288,9 +327,11 @@ PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now,
                          kPlantGainError * moved.col(kPlantAsTold).norm();
   Verdict verdict;
   verdict.excess = left.norm() / allowed;
-  const double told = expected.norm();
+  // By what was told and by the drift too: of a robot that answers half, half of what it was told
+  // is taken for a drift, and when it may rest, it rests.
+  const double told = std::min(expected.norm(), moved.col(kPlantAsTold).norm());
   verdict.standing =
-      told > kPlantTold && went.norm() < kPlantGone * told && kPlantSigmas * sigma < kPlantTold;
+      told > kPlantTold && farthest < kPlantGone * told && kPlantSigmas * sigma < kPlantTold;
   // Standing is what a wall does, or a hand: no coil.
   if (verdict.excess > 1 && went.norm() > 0.3 * left.norm())
     verdict.text = name(left, moved, sigma);

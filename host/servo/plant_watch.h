@@ -68,15 +68,18 @@ class PlantWatch {
     std::string text;
     bool standing = false;
   };
+  struct Before {  // m/s, means of the seconds before a window
+    Eigen::Vector3d told{0, 0, 0}, went{0, 0, 0};
+  };
   void advance(Flow& flow, double time) const;
   void flow_to(double time);
   void note_field(Sample& sample) const;  // of the currents that flow
   Motions velocities(const Eigen::Vector3d& position) const;
   Eigen::Vector3d force(const control::FieldGradient& made) const;
-  std::optional<Eigen::Vector3d> drift() const;
-  void look_back(const Eigen::Vector3d& slow);
+  std::optional<Before> before() const;
+  void look_back(const Before& slow);
   bool unanswered() const;
-  Verdict judge(const Sample& then, const Sample& now, const Eigen::Vector3d& drift) const;
+  Verdict judge(const Sample& then, const Sample& now, const Before& slow, double farthest) const;
   std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
 
   const RigModel& model_;
@@ -86,6 +89,7 @@ class PlantWatch {
   Eigen::Matrix3d mobility_ = Eigen::Matrix3d::Zero();
   std::deque<Sample> samples_;  // the newest at the end
   double heard_from_ = -1e9;    // s
+  double flows_from_ = 1e9;     // s: before, a robot may rest on what holds it
   int doubtful_ = 0;            // measurements in a row
   int stood_ = 0;
   int unanswered_ = 0;
