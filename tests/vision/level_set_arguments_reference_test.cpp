@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -128,6 +129,43 @@ TEST(LevelSetReference, keeps_the_largest_part_with_its_moments_and_mean_evidenc
     EXPECT_EQ(again.area_px, inside.count(false));
   }
   EXPECT_GT(several, 3);
+}
+
+// Grains: most of the pixels belong to others at random, so that parts have all shapes and many
+// touch at their corners alone, which does not join them.
+TEST(LevelSetReference, parts_are_joined_along_sides_and_not_at_corners) {
+  int judged = 0;
+  for (unsigned seed = 1; seed <= 24; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const double taken = 0.3 + 0.02 * (seed % 12);
+    const cv::Mat image = picture(seed, 20);
+    cv::Mat owned(image.size(), CV_8UC1, cv::Scalar(0));
+    for (int v = 0; v < owned.rows; ++v)
+      for (int u = 0; u < owned.cols; ++u)
+        if (std::uniform_real_distribution<double>(0, 1)(random) < taken)
+          owned.at<unsigned char>(v, u) = 2;
+    Blue blue;
+    Evidence evidence;
+    evidence.look(image, blue, grown(kStart, 6), 400, owned, 7);
+    LevelSet level_set(LevelSetSettings{});
+    level_set.start(evidence, kStart);
+    Inside inside(evidence, kStart);
+    expect_same(inside, level_set);
+    const auto parts = inside.parts();
+    ASSERT_GT(parts.size(), 3U);
+    if (parts[0].size() == parts[1].size()) continue;  // either may stay
+    ++judged;
+    const Segment segment = level_set.keep_largest();
+    EXPECT_EQ(segment.area_px, static_cast<double>(parts[0].size()));
+    double sum = 0;
+    for (const cv::Point& p : parts[0]) sum += evidence.at(p.x, p.y);
+    EXPECT_NEAR(segment.evidence, sum / static_cast<double>(parts[0].size()) / Evidence::kScale,
+                1e-12);
+    inside.keep(parts[0]);
+    expect_same(inside, level_set);
+  }
+  EXPECT_GT(judged, 12);
 }
 
 TEST(LevelSetReference, nothing_inside_is_a_segment_of_no_area) {
