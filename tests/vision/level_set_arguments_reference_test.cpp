@@ -168,6 +168,30 @@ TEST(LevelSetReference, parts_are_joined_along_sides_and_not_at_corners) {
   EXPECT_GT(judged, 12);
 }
 
+// Bars of one row each, and one of two rows: as many parts as bars, whatever their runs are.
+TEST(LevelSetReference, bars_of_a_row_are_parts_too) {
+  using Bars = std::vector<cv::Rect>;
+  const std::vector<Bars> cases{{{40, 36, 9, 1}},
+                                {{40, 34, 5, 1}, {44, 38, 9, 1}, {41, 42, 3, 1}},
+                                {{40, 34, 8, 2}, {44, 38, 9, 1}},
+                                {{40, 34, 3, 2}, {44, 38, 9, 1}}};
+  for (const Bars& bars : cases) {
+    cv::Mat owned(80, 100, CV_8UC1, cv::Scalar(2));
+    for (const cv::Rect& bar : bars) owned(bar) = 0;
+    Blue blue;
+    Evidence evidence;
+    evidence.look(picture(5, 20), blue, grown(kStart, 6), 400, owned, 7);
+    LevelSet level_set(LevelSetSettings{});
+    level_set.start(evidence, kStart);
+    Inside inside(evidence, kStart);
+    const auto parts = inside.parts();
+    ASSERT_EQ(parts.size(), bars.size());
+    EXPECT_EQ(level_set.keep_largest().area_px, static_cast<double>(parts[0].size()));
+    inside.keep(parts[0]);
+    expect_same(inside, level_set);
+  }
+}
+
 TEST(LevelSetReference, nothing_inside_is_a_segment_of_no_area) {
   const Evidence evidence = look(3, 20);
   LevelSet level_set(settings(60, 3, 2));
