@@ -11,6 +11,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -279,6 +280,18 @@ TEST(WideAngleMapLimits, settings_are_refused_by_name) {
     else
       expect_refused(all[i].name, [&] { all[i].settings.check(); });
   }
+}
+
+// A microscope's map opens the eye's stop, and still wants a sound one.
+TEST(WideAngleMapLimits, a_system_that_is_unsound_is_refused) {
+  WideAngleSettings s = few_rays(0.2);
+  s.microscope = Microscope{};
+  System system = reference::spheres();
+  system.stop->radius = -1e-3;
+  EXPECT_THROW(WideAngleMap(system, s), std::invalid_argument);
+  s.microscope.reset();
+  s.lens_distance = -1e-3;
+  expect_refused("lens_distance", [&] { WideAngleMap(reference::spheres(), s); });
 }
 
 TEST(WideAngleMapLimits, a_lens_is_moved_only_where_there_is_one_and_it_may_be) {
