@@ -282,6 +282,55 @@ TEST(WideAngleMapLimits, settings_are_refused_by_name) {
   }
 }
 
+// A position that misses the table by less than a nanometer lies on its edge; beyond edge() there
+// is nothing.
+TEST(WideAngleMapLimits, its_edges_belong_to_it_to_a_nanometer) {
+  const System system = reference::spheres();
+  WideAngleSettings s = few_rays(0.25);
+  s.max_depth = 5e-3;
+  const WideAngleMap map(system, s);
+  ASSERT_DOUBLE_EQ(map.max_angle(), 0.25);
+  const Vector3d stop(0, 0, vertex_z(system, 3));
+  const double near = 0.7e-9;
+  const double far = 3 * map.edge();
+  const double arm = (in_field(system, 0.25, 0, 1e-3) - stop).norm();
+  struct Place {
+    double angle;
+    double depth;
+    bool inside;
+    double taken_angle;
+    double taken_depth;
+  };
+  for (const Place& at : {Place{0.25 + near / arm, 1e-3, true, 0.25, 1e-3},
+                          {0.25 + far / arm, 1e-3, false, 0, 0},
+                          {0.1, -near, true, 0.1, 0},
+                          {0.1, -far, false, 0, 0},
+                          {0.1, 5e-3 + near, true, 0.1, 5e-3},
+                          {0.1, 5e-3 + far, false, 0, 0},
+                          {0, 0, true, 0, 0},
+                          {0, -far, false, 0, 0}}) {
+    SCOPED_TRACE(at.angle);
+    SCOPED_TRACE(at.depth);
+    const Vector3d point = in_field(system, at.angle, 0, at.depth);
+    const auto position = map.position_of({std::abs(point.x()), point.z()});
+    ASSERT_EQ(position.has_value(), at.inside);
+    EXPECT_EQ(map.at({at.angle, at.depth}).has_value(), at.inside);
+    if (at.depth >= 0) {
+      EXPECT_EQ(map.image(point).has_value(), at.inside);
+    }
+    if (!at.inside) continue;
+    EXPECT_NEAR(position->angle, at.taken_angle, 1e-12);
+    EXPECT_NEAR(position->depth, at.taken_depth, near);  // along a retina that slopes
+    EXPECT_LE(position->angle, 0.25);
+    EXPECT_GE(position->depth, 0);
+    EXPECT_LE(position->depth, 5e-3);
+  }
+  EXPECT_FALSE(map.at({-0.01, 1e-3}));
+  EXPECT_FALSE(map.at({kNotANumber, 1e-3}));
+  EXPECT_FALSE(map.at({0.1, kNotANumber}));
+  EXPECT_FALSE(map.position_of({1e-3, stop.z() + 1e-3}));
+}
+
 // A microscope's map opens the eye's stop, and still wants a sound one.
 TEST(WideAngleMapLimits, a_system_that_is_unsound_is_refused) {
   WideAngleSettings s = few_rays(0.2);
