@@ -145,6 +145,7 @@ TEST(RecordWriterDiskReference, a_disk_that_does_not_answer_has_failed_after_the
   EXPECT_EQ(writer.fault(), error);
   EXPECT_EQ(error_of([&] { give(writer, 2, 1); }), error);
   EXPECT_EQ(error_of([&] { writer.frame(0, gray(1)); }), error);
+  EXPECT_EQ(writer.frames().size(), 0U);  // without waiting for the disk
   held.release();
   EXPECT_TRUE(within(1s, [&] { return calls == 1; }));
   writer.stop();
@@ -225,7 +226,7 @@ TEST(RecordWriterDiskReference, frames_and_samples_wait_for_room_of_their_own) {
 TEST(RecordWriterDiskReference, samples_take_no_room_of_frames) {
   const Folder folder;
   RecordLimits limits = small_limits();
-  limits.queued_frame_bytes = 50;  // one
+  limits.queued_frame_bytes = 100;  // two
   limits.drop_frames = true;
   RecordWriter writer(folder.path(), {}, limits);
   writer.add_camera(camera_of("top"));
@@ -234,12 +235,70 @@ TEST(RecordWriterDiskReference, samples_take_no_room_of_frames) {
     HeldDisk held(writer);
     give(writer, 0, 5);
     EXPECT_TRUE(writer.frame(0, gray(1)));
-    EXPECT_FALSE(writer.frame(0, gray(2)));
+    EXPECT_TRUE(writer.frame(0, gray(2)));
+    EXPECT_FALSE(writer.frame(0, gray(3)));
   }
-  EXPECT_EQ(writer.frames().size(), 1U);
-  EXPECT_TRUE(writer.frame(0, gray(3)));
   EXPECT_EQ(writer.frames().size(), 2U);
+  {
+    HeldDisk held(writer);
+    EXPECT_TRUE(writer.frame(0, gray(4)));
+    EXPECT_TRUE(writer.frame(0, gray(5)));
+  }
+  EXPECT_EQ(writer.frames().size(), 4U);
   EXPECT_EQ(writer.dropped(), std::vector<std::uint64_t>{1});
+}
+
+TEST(RecordWriterDiskReference, a_frame_larger_than_the_queue_passes_through_an_empty_one) {
+  for (const bool drop : {true, false}) {
+    const Folder folder;
+    RecordLimits limits = small_limits();
+    limits.queued_frame_bytes = 40;  // less than one
+    limits.drop_frames = drop;
+    RecordWriter writer(folder.path(), {}, limits);
+    writer.add_camera(camera_of("top"));
+    add_stream(writer, kStream);
+    HeldDisk held(writer);
+    std::atomic<bool> all_given{false};
+    std::thread producer([&] {
+      EXPECT_TRUE(writer.frame(0, gray(1)));
+      give(writer, 0, 4);  // these do not wait for it
+      all_given = true;
+    });
+    EXPECT_TRUE(within(2s, [&] { return all_given.load(); })) << drop;
+    held.release();
+    producer.join();
+    EXPECT_EQ(writer.held(), 0);
+    EXPECT_EQ(writer.frames().size(), 1U);
+  }
+}
+
+TEST(RecordWriterDiskReference, what_is_offered_takes_room_and_waits_for_none) {
+  const Folder folder;
+  RecordLimits limits = small_limits();
+  limits.queued_rows = 3;
+  RecordWriter writer(folder.path(), {}, limits);
+  std::atomic<int> run{0};
+  HeldDisk held(writer);
+  for (int i = 0; i < 5; ++i) writer.offer([&](RecordFile&) { ++run; });
+  held.release();
+  writer.stop();
+  EXPECT_EQ(run, 3);
+}
+
+// A job that is being written is not written yet.
+TEST(RecordWriterDiskReference, the_frames_are_those_that_are_written) {
+  const Folder folder;
+  RecordWriter writer(folder.path(), {}, small_limits());
+  std::atomic<bool> answered{false};
+  HeldDisk held(writer);
+  std::thread reader([&] {
+    writer.frames();
+    answered = true;
+  });
+  std::this_thread::sleep_for(60ms);
+  EXPECT_FALSE(answered);
+  held.release();
+  reader.join();
 }
 
 // A caller waits for room in the queue, and not until the disk has taken what came before: the
