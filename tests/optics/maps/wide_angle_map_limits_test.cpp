@@ -331,6 +331,31 @@ TEST(WideAngleMapLimits, its_edges_belong_to_it_to_a_nanometer) {
   EXPECT_FALSE(map.position_of({1e-3, stop.z() + 1e-3}));
 }
 
+// The inverse as well: at the rim, beyond it, and on the other side of the axis.
+TEST(WideAngleMapLimits, its_inverse_has_the_same_edges) {
+  const System system = reference::spheres();
+  WideAngleSettings s = few_rays(0.25);
+  s.max_depth = 5e-3;
+  const WideAngleMap map(system, s);
+  const double near = 0.7e-9;
+  const double far = 3 * map.edge();
+  const double arm = (in_field(system, 0.25, 0, 1e-3) - Vector3d(0, 0, vertex_z(system, 3))).norm();
+  const auto inverse = [&](double angle, double depth) {
+    return map.point(*map.traced_image(in_field(system, angle, 0, depth))).has_value();
+  };
+  EXPECT_TRUE(inverse(0.25 + near / arm, 1e-3));
+  EXPECT_TRUE(inverse(0.1, 5e-3 + near));
+  for (const double beyond : {far / arm, 1e-6, 1e-3, 4e-3})
+    EXPECT_FALSE(inverse(0.25 + beyond, 1e-3));
+  for (const double beyond : {far, 1e-7, 2e-5, 1e-4}) EXPECT_FALSE(inverse(0.1, 5e-3 + beyond));
+  for (const double angle : {1e-6, 1e-3, 3e-3}) {
+    const auto there = map.at({angle, 1e-3});
+    ASSERT_TRUE(there);
+    EXPECT_TRUE(map.find(there->focus, there->height));
+    EXPECT_FALSE(map.find(there->focus, -there->height));
+  }
+}
+
 // A microscope's map opens the eye's stop, and still wants a sound one.
 TEST(WideAngleMapLimits, a_system_that_is_unsound_is_refused) {
   WideAngleSettings s = few_rays(0.2);
