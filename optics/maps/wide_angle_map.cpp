@@ -70,9 +70,8 @@ double focus_through(const System& system, const Microscope& microscope,
 }  // namespace
 
 void WideAngleSettings::check() const {
-  const auto positive = [](double x) { return std::isfinite(x) && x > 0; };
   if (microscope) microscope->check();
-  detail::require(positive(max_angle) && max_angle < std::numbers::pi / 2,
+  detail::require(max_angle > 0 && max_angle < std::numbers::pi / 2,
                   "max_angle: must lie between 0 and 90 degrees");
   detail::require_positive(max_depth, "max_depth");
   detail::require_at_least(rings, 1, "rings");

@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -128,6 +129,67 @@ TEST(LevelSetReference, keeps_the_largest_part_with_its_moments_and_mean_evidenc
     EXPECT_EQ(again.area_px, inside.count(false));
   }
   EXPECT_GT(several, 3);
+}
+
+// Grains: most of the pixels belong to others at random, so that parts have all shapes and many
+// touch at their corners alone, which does not join them.
+TEST(LevelSetReference, parts_are_joined_along_sides_and_not_at_corners) {
+  int judged = 0;
+  for (unsigned seed = 1; seed <= 24; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const double taken = 0.3 + 0.02 * (seed % 12);
+    const cv::Mat image = picture(seed, 20);
+    cv::Mat owned(image.size(), CV_8UC1, cv::Scalar(0));
+    for (int v = 0; v < owned.rows; ++v)
+      for (int u = 0; u < owned.cols; ++u)
+        if (std::uniform_real_distribution<double>(0, 1)(random) < taken)
+          owned.at<unsigned char>(v, u) = 2;
+    Blue blue;
+    Evidence evidence;
+    evidence.look(image, blue, grown(kStart, 6), 400, owned, 7);
+    LevelSet level_set(LevelSetSettings{});
+    level_set.start(evidence, kStart);
+    Inside inside(evidence, kStart);
+    expect_same(inside, level_set);
+    const auto parts = inside.parts();
+    ASSERT_GT(parts.size(), 3U);
+    if (parts[0].size() == parts[1].size()) continue;  // either may stay
+    ++judged;
+    const Segment segment = level_set.keep_largest();
+    EXPECT_EQ(segment.area_px, static_cast<double>(parts[0].size()));
+    double sum = 0;
+    for (const cv::Point& p : parts[0]) sum += evidence.at(p.x, p.y);
+    EXPECT_NEAR(segment.evidence, sum / static_cast<double>(parts[0].size()) / Evidence::kScale,
+                1e-12);
+    inside.keep(parts[0]);
+    expect_same(inside, level_set);
+  }
+  EXPECT_GT(judged, 12);
+}
+
+// Bars of one row each, and one of two rows: as many parts as bars, whatever their runs are.
+TEST(LevelSetReference, bars_of_a_row_are_parts_too) {
+  using Bars = std::vector<cv::Rect>;
+  const std::vector<Bars> cases{{{40, 36, 9, 1}},
+                                {{40, 34, 5, 1}, {44, 38, 9, 1}, {41, 42, 3, 1}},
+                                {{40, 34, 8, 2}, {44, 38, 9, 1}},
+                                {{40, 34, 3, 2}, {44, 38, 9, 1}}};
+  for (const Bars& bars : cases) {
+    cv::Mat owned(80, 100, CV_8UC1, cv::Scalar(2));
+    for (const cv::Rect& bar : bars) owned(bar) = 0;
+    Blue blue;
+    Evidence evidence;
+    evidence.look(picture(5, 20), blue, grown(kStart, 6), 400, owned, 7);
+    LevelSet level_set(LevelSetSettings{});
+    level_set.start(evidence, kStart);
+    Inside inside(evidence, kStart);
+    const auto parts = inside.parts();
+    ASSERT_EQ(parts.size(), bars.size());
+    EXPECT_EQ(level_set.keep_largest().area_px, static_cast<double>(parts[0].size()));
+    inside.keep(parts[0]);
+    expect_same(inside, level_set);
+  }
 }
 
 TEST(LevelSetReference, nothing_inside_is_a_segment_of_no_area) {

@@ -6,9 +6,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstdint>
+#include <filesystem>
 #include <functional>
+#include <future>
 #include <string>
 #include <thread>
 #include <vector>
@@ -141,6 +145,7 @@ TEST(RecordWriterDiskReference, a_disk_that_does_not_answer_has_failed_after_the
   EXPECT_EQ(writer.fault(), error);
   EXPECT_EQ(error_of([&] { give(writer, 2, 1); }), error);
   EXPECT_EQ(error_of([&] { writer.frame(0, gray(1)); }), error);
+  EXPECT_EQ(writer.frames().size(), 0U);  // without waiting for the disk
   held.release();
   EXPECT_TRUE(within(1s, [&] { return calls == 1; }));
   writer.stop();
@@ -187,6 +192,173 @@ TEST(RecordWriterDiskReference, what_a_failed_disk_did_not_take_is_written_at_th
     EXPECT_EQ(folder.rows("select exit_status, reason from stop"),
               (Rows{{"aborted", "the disk burns"}}));
   }
+}
+
+TEST(RecordWriterDiskReference, frames_and_samples_wait_for_room_of_their_own) {
+  for (const bool frames_first : {true, false}) {
+    const Folder folder;
+    RecordLimits limits = small_limits();
+    limits.queued_rows = 3;
+    limits.queued_frame_bytes = 100;  // two of them
+    RecordWriter writer(folder.path(), {}, limits);
+    writer.add_camera(camera_of("top"));
+    add_stream(writer, kStream);
+    HeldDisk held(writer);
+    std::atomic<bool> all_given{false};
+    const auto give_frames = [&] {
+      for (std::uint64_t i = 0; i < 2; ++i) EXPECT_TRUE(writer.frame(0, gray(i)));
+    };
+    std::thread producer([&] {
+      if (frames_first) give_frames();
+      give(writer, 0, 3);
+      if (!frames_first) give_frames();
+      all_given = true;
+    });
+    EXPECT_TRUE(within(2s, [&] { return all_given.load(); })) << frames_first;
+    held.release();
+    producer.join();
+    EXPECT_EQ(writer.held(), 0);
+  }
+}
+
+// In real time a frame that does not fit is dropped; samples before it take none of its room, and
+// what was written gives it back.
+TEST(RecordWriterDiskReference, samples_take_no_room_of_frames) {
+  const Folder folder;
+  RecordLimits limits = small_limits();
+  limits.queued_frame_bytes = 100;  // two
+  limits.drop_frames = true;
+  RecordWriter writer(folder.path(), {}, limits);
+  writer.add_camera(camera_of("top"));
+  add_stream(writer, kStream);
+  {
+    HeldDisk held(writer);
+    give(writer, 0, 5);
+    EXPECT_TRUE(writer.frame(0, gray(1)));
+    EXPECT_TRUE(writer.frame(0, gray(2)));
+    EXPECT_FALSE(writer.frame(0, gray(3)));
+  }
+  EXPECT_EQ(writer.frames().size(), 2U);
+  {
+    HeldDisk held(writer);
+    EXPECT_TRUE(writer.frame(0, gray(4)));
+    EXPECT_TRUE(writer.frame(0, gray(5)));
+  }
+  EXPECT_EQ(writer.frames().size(), 4U);
+  EXPECT_EQ(writer.dropped(), std::vector<std::uint64_t>{1});
+}
+
+TEST(RecordWriterDiskReference, a_frame_larger_than_the_queue_passes_through_an_empty_one) {
+  for (const bool drop : {true, false}) {
+    const Folder folder;
+    RecordLimits limits = small_limits();
+    limits.queued_frame_bytes = 40;  // less than one
+    limits.drop_frames = drop;
+    RecordWriter writer(folder.path(), {}, limits);
+    writer.add_camera(camera_of("top"));
+    add_stream(writer, kStream);
+    HeldDisk held(writer);
+    std::atomic<bool> all_given{false};
+    std::thread producer([&] {
+      EXPECT_TRUE(writer.frame(0, gray(1)));
+      give(writer, 0, 4);  // these do not wait for it
+      all_given = true;
+    });
+    EXPECT_TRUE(within(2s, [&] { return all_given.load(); })) << drop;
+    held.release();
+    producer.join();
+    EXPECT_EQ(writer.held(), 0);
+    EXPECT_EQ(writer.frames().size(), 1U);
+  }
+}
+
+TEST(RecordWriterDiskReference, what_is_offered_takes_room_and_waits_for_none) {
+  const Folder folder;
+  RecordLimits limits = small_limits();
+  limits.queued_rows = 3;
+  RecordWriter writer(folder.path(), {}, limits);
+  std::atomic<int> run{0};
+  HeldDisk held(writer);
+  for (int i = 0; i < 5; ++i) writer.offer([&](RecordFile&) { ++run; });
+  held.release();
+  writer.stop();
+  EXPECT_EQ(run, 3);
+}
+
+// A job that is being written is not written yet.
+TEST(RecordWriterDiskReference, the_frames_are_those_that_are_written) {
+  const Folder folder;
+  RecordWriter writer(folder.path(), {}, small_limits());
+  std::atomic<bool> answered{false};
+  HeldDisk held(writer);
+  std::thread reader([&] {
+    writer.frames();
+    answered = true;
+  });
+  std::this_thread::sleep_for(60ms);
+  EXPECT_FALSE(answered);
+  held.release();
+  reader.join();
+}
+
+// A caller waits for room in the queue, and not until the disk has taken what came before: the
+// second job holds the writer when there is room again.
+TEST(RecordWriterDiskReference, there_is_room_as_soon_as_the_writer_takes_the_queue) {
+  const Folder folder;
+  RecordLimits limits = small_limits();
+  limits.queued_rows = 1;
+  RecordWriter writer(folder.path(), {}, limits);
+  add_stream(writer, kStream);
+  std::promise<void> second;
+  std::atomic<bool> given{false};
+  HeldDisk held(writer);
+  writer.post([&](RecordFile&) { second.get_future().wait(); }, false);  // the queue is full
+  std::thread producer([&] {
+    give(writer, 0, 1);
+    given = true;
+  });
+  std::this_thread::sleep_for(60ms);
+  EXPECT_FALSE(given);
+  held.release();
+  EXPECT_TRUE(within(4s, [&] { return given.load(); }));
+  second.set_value();
+  producer.join();
+}
+
+// Else it waits for others: a writer that is not woken comes every 50 ms.
+TEST(RecordWriterDiskReference, a_job_to_be_done_at_once_wakes_the_writer) {
+  const Folder folder;
+  RecordWriter writer(folder.path(), {}, small_limits());
+  std::vector<double> waited;
+  for (int i = 0; i < 31; ++i) {
+    std::promise<void> done;
+    const auto begun = std::chrono::steady_clock::now();
+    writer.post([&](RecordFile&) { done.set_value(); }, true);
+    done.get_future().wait();
+    waited.push_back(
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
+  }
+  std::ranges::nth_element(waited, waited.begin() + 15);
+  EXPECT_LT(waited[15], 0.025);  // the median: half a nap, on a machine that is busy too
+}
+
+TEST(RecordWriterDiskReference, a_disk_that_will_not_last_is_said_once) {
+  const Folder folder;
+  RecordLimits limits = small_limits();
+  limits.disk.free_bytes = [](const std::filesystem::path&) { return std::uint64_t{5000000000}; };
+  limits.disk.warn_seconds = 1e10;  // longer than a disk on which nothing is written lasts
+  RecordWriter writer(folder.path(), {}, limits);
+  std::vector<std::string> alarms;
+  const auto drained = [&] {
+    for (const std::string& alarm : writer.drain_alarms()) alarms.push_back(alarm);
+    return !alarms.empty();
+  };
+  EXPECT_TRUE(within(5s, drained));
+  std::this_thread::sleep_for(1200ms);  // it looks every second
+  drained();
+  ASSERT_EQ(alarms.size(), 1U);
+  EXPECT_EQ(alarms[0].substr(0, 16), "the disk fills: ");
+  EXPECT_EQ(writer.fault(), "");
 }
 
 }  // namespace VITREO_TEST_FILE

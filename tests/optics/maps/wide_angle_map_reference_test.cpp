@@ -127,6 +127,27 @@ TEST(WideAngleMapReference, has_the_meridional_plane_as_traced) {
   }
 }
 
+// Without a condensing lens the image of a short eye is virtual, behind it and upright.
+TEST(WideAngleMapReference, has_the_upright_image_of_an_eye_alone) {
+  Case c = make("upright", true);
+  c.system.surfaces[0].thickness = 10e-3;
+  for (const int i : {5, 6}) c.system.surfaces[i].radius = kFar;
+  c.settings.max_angle = 0.2;
+  c.settings.max_depth = 3e-3;
+  const WideAngleMap map(c.system, c.settings);
+  EXPECT_GT(map.at({0.1, 1e-3})->height, 0);
+  const Vector3d point = in_field(c.system, 0.15, 0.7, 1e-3);
+  const AerialPoint mine = seen(c.system, c.settings, point);
+  const auto image = map.image(point);
+  ASSERT_TRUE(image);
+  EXPECT_LT(image->focus, 0);
+  EXPECT_NEAR(image->focus, mine.focus, 1e-8);
+  EXPECT_LT((image->m - mine.m).norm(), 1e-8);
+  const auto back = map.point(*image);
+  ASSERT_TRUE(back);
+  EXPECT_LT((*back - point).norm(), 1e-10);
+}
+
 TEST(WideAngleMapReference, moves_the_lens_as_it_is_told) {
   Case c = make("stop", true);
   const System before = c.system;

@@ -104,5 +104,25 @@ TEST(WideAngleMapSkewReference, sees_by_a_microscope_that_is_tilted_and_decenter
 }
 TEST(WideAngleMapSkewReference, sees_through_a_cornea_that_has_slipped) { expect_map(slipped()); }
 
+// Decentered alone: a pupil at a distance sees from the side, one at infinity does not.
+TEST(WideAngleMapSkewReference, sees_by_a_microscope_that_is_decentered_and_not_tilted) {
+  expect_map(small(reference::make("decentered", false, 95e-3, {0.4e-3, -0.5e-3})));
+}
+// So far that the plane in focus is not where its axis' height is: cosines of the tilt count.
+TEST(WideAngleMapSkewReference, focuses_a_microscope_that_is_far_tilted) {
+  Case c = small(reference::make("tilted", false, 95e-3, {0.2e-3, -0.3e-3}, {0.16, -0.11}));
+  c.settings.max_angle = 0.1;
+  c.system.stop->radius = 5e-3;  // no shadow
+  const WideAngleMap map(c.system, c.settings);
+  for (const double azimuth : {0.7, 2.5, 4.1}) {
+    const Vector3d point = in_field(c.system, 0.09, azimuth, 2.9e-3);
+    const AerialPoint mine = seen(c.system, c.settings, point);
+    const auto traced = map.traced_image(point);
+    ASSERT_TRUE(traced);
+    EXPECT_NEAR(traced->focus, mine.focus, 9e-9) << azimuth;
+    EXPECT_LT((traced->m - mine.m).norm(), 9e-9) << azimuth;
+  }
+}
+
 }  // namespace VITREO_TEST_FILE
 }  // namespace vitreo::optics
