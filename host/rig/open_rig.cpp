@@ -433,7 +433,7 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   sim::LaboratorySettings& laboratory = settings.laboratory;
   if (!laboratory.fundus.empty())
     laboratory.fundus = beside(description, "truth.fundus", laboratory.fundus);
-  std::vector<std::string> warnings;
+  std::vector<std::string> warnings = settings.warnings;
   if (!settings.field_calibration.empty())
     settings.model.field = laboratory.believed_field = model_calibration(
         beside(description, "model.calibration", settings.field_calibration), warnings);

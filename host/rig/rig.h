@@ -111,7 +111,7 @@ struct Rig {
   /// that is none of a Lua file, DeviceError{refused} while it is energized, moves, or is used by a
   /// servo loop; Reloadable.
   std::function<RigSource(const std::string& role)> reload;
-  std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each
+  std::vector<std::string> warnings;  ///< of the rig file and its calibration files, a line each
   /// The names of the roles that are there and a script can use, sorted.
   std::vector<std::string> roles() const;
   /// Whether it has what a protocol asks for: a role, or a kind, "sensor", "sensor:temperature".

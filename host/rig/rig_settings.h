@@ -67,6 +67,7 @@ struct RigSettings {
       0;                  // a bit a pedal that must be held while the coils are energized; 0: none
   bool guardian = false;  // a process that watches the host
   std::vector<guardian::Output> guarded;  // what it zeroes
+  std::vector<std::string> warnings;      ///< of what the file says, with the key, a line each
 };
 
 /// Throws ConfigError with file and line.

@@ -17,6 +17,10 @@ namespace {
 // Relative, of the size of the image after a calibration on the retina: one observation at rest.
 constexpr double kCalibrated = 2e-3;
 
+constexpr const char* kAdvice =
+    "; the bench counts as set up by hand (model.uncertainty.bench), and a look at the robot that "
+    "lies on the retina tells more of it: calibrate=yes of the protocols, retina.view of scripts";
+
 optics::DepthDoubt doubt_of(const RigModel& model, const ClearanceBelief& belief) {
   optics::DepthDoubt doubt;
   doubt.viewpoint = model.projection.viewpoint;
@@ -58,6 +62,7 @@ RobotClearance::RobotClearance(const RigModel& model, const ClearanceBelief& bel
     doubt_ = doubt_of(model, belief);
   else
     eye_sigma_ = model.uncertainty.eye;
+  look_helps_ = bench.by_hand && belief.through_eye && !model.plain_view && !belief.calibrated;
 }
 
 std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& position,
@@ -100,9 +105,9 @@ void RobotClearance::check(const control::Trajectory& path) const {
     if (!refused && !(i == kAsked && !kept)) continue;
     throw std::invalid_argument(fmt::format(
         "({:.2f}, {:.2f}, {:.2f}) mm is out of reach: the robot would be {}, and {:.2f} mm must be "
-        "left (keep_out.margin)",
+        "left (keep_out.margin){}",
         position.x() * 1e3, position.y() * 1e3, position.z() * 1e3, clearance_text(*there),
-        margin() * 1e3));
+        margin() * 1e3, look_helps_ ? kAdvice : ""));
   }
 }
 

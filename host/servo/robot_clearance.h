@@ -67,6 +67,7 @@ class RobotClearance {
   double eye_sigma_ = 0;    // m, of where the eye stands, each coordinate
   double felt_retina_ = 0;  // m
   double felt_lens_ = 0;    // m
+  bool look_helps_ = false;  // at the robot on the retina: it was not seen there yet
 };
 
 /// Clearances, and the place (m, world) that each wall's is of.

@@ -112,6 +112,26 @@ function retina.calibrate(rig, run, servo, options)
   return told
 end
 
+--- A protocol's parameter `calibrate`: whether the robot is looked at on the retina before it works. `when`: of "auto".
+function retina.parameter(when)
+  return {
+    choices = { "auto", "yes", "no" },
+    default = "auto",
+    help = "on the retina, before, as in thesis 6.2; auto: " .. when .. " the bench was set up by hand",
+  }
+end
+
+--- Whether to look, by that parameter; says why in the record where the bench is why. Where the retina of a bench that was set up
+--- by hand stands is known to 0.3 mm, and what the robot's size in the image says of its height to as much again: near it a loop
+--- has to have seen the robot lying on it (docs/safety.md). `otherwise`: another reason to look.
+function retina.wanted(rig, run, choice, otherwise)
+  if choice ~= "auto" or otherwise then return choice ~= "no" end
+  local model = rig:model()
+  if not rig.top_camera or model.plain_view or model.uncertainty.bench.places == "known" then return false end
+  run:note "the bench counts as set up by hand: the robot is looked at on the retina first (calibrate=no: it is not)"
+  return true
+end
+
 --- A view for rig:servo, calibrated in a loop of its own (field, axis as rig:servo takes them; by_width as retina.calibrate
 --- does), with a picture called `snapshot` if it is given. The robot is taken out again.
 function retina.view(rig, run, background, options)
