@@ -83,10 +83,9 @@ BenchUncertainty read_bench(ConfigReader reader, const BenchFacts& facts,
     const bool read = is_read(key, facts);
     if (read && facts.plant.*key.drawn > 0 && bench.*key.sigma == 0) untold.push_back(key.name);
     if (!read && reader.has(key.name))
-      warnings.push_back(fmt::format("model.uncertainty.bench.{}: nothing reads it, for {}",
-                                     key.name,
-                                     facts.pictures ? "the top camera's view shows no eye"
-                                                    : "the rig has no top camera"));
+      warnings.push_back(fmt::format(
+          "model.uncertainty.bench.{}: nothing reads it, for {}", key.name,
+          facts.pictures ? "the top camera's view shows no eye" : "the rig has no top camera"));
   }
   reader.finish();
   if (!untold.empty())

@@ -28,9 +28,9 @@ std::span<const BenchKey> bench_keys();
 
 /// What a rig file says of the pictures of its top camera by what else it has.
 struct BenchFacts {
-  bool pictures = false;     // there is a top camera
-  bool shows_eye = false;    // which looks through the eye
-  bool simulated = false;    // its pictures are drawn
+  bool pictures = false;      // there is a top camera
+  bool shows_eye = false;     // which looks through the eye
+  bool simulated = false;     // its pictures are drawn
   sim::OpticsSigmas plant{};  // by which they are off what the rig believes
 };
 

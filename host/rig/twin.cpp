@@ -58,8 +58,7 @@ ConfigTable& made_in(ConfigTable& table, const std::string& key) {
 /// What the loop reckons with is the rig's own: a real bench that says nothing was set up by hand,
 /// where the twin's simulated picture would count as known.
 void keep_places(RigDescription& twin) {
-  ConfigTable& bench =
-      made_in(made_in(made_in(twin.table, "model"), "uncertainty"), "bench");
+  ConfigTable& bench = made_in(made_in(made_in(twin.table, "model"), "uncertainty"), "bench");
   bench.try_emplace("places", ConfigValue{std::string("by_hand")});
 }
 
