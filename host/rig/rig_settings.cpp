@@ -54,6 +54,7 @@ void read_model(ConfigReader reader, RigSettings& settings) {
   model.robot.moment_factor = reader.number("moment", 1, {0.1, 10, ""});
   reader.choice("field", "octomag", {"octomag"});
   settings.field_calibration = reader.text("calibration", "");
+  settings.chain = reader.text("chain", "");
   model.command_delay = reader.number("coil_delay", model.command_delay, {0, 0.3, "s"});
   model.command_bandwidth =
       reader.number("coil_bandwidth", model.command_bandwidth, {0.1, 10000, "Hz"});
@@ -442,6 +443,7 @@ void read_sample(ConfigReader reader, RigSettings& settings) {
   for (const char* const field :
        {"eye", "species", "age", "died", "removed", "pipette", "light", "robot"})
     if (reader.has(field)) reader.text(field, "");
+  if (reader.has("eye")) settings.model.eye_id = reader.text("eye", "");
   reader.finish();
 }
 

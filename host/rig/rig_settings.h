@@ -42,6 +42,7 @@ struct RigSettings {
   LinkLoads links;
   PausePolicy coil_pause = PausePolicy::hold;
   std::optional<HeartbeatSettings> heartbeat;  // of the amplifiers' own line, or of enable_line
+  std::string chain;              // a file of what a calibration of the viewing chain found
   std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
   std::optional<sim::PoseSensorSettings> pose_sensor;
   bool top_camera = false;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/robot_clearance.h"
 
+#include "host/rig/measured_chain.h"
 #include "host/servo/view_doubt.h"
 #include "optics/system/prescriptions.h"
 #include "optics/system/tolerance.h"
@@ -16,6 +17,9 @@ namespace {
 
 // Relative, of the size of the image after a calibration on the retina: one observation at rest.
 constexpr double kCalibrated = 2e-3;
+// The same of a measured chain, in which the robot's size and the pixel are: what is left of a
+// frame's outline, 0.1 px of 27.
+constexpr double kMeasured = 4e-3;
 
 constexpr const char* kAdvice =
     "; the bench counts as set up by hand (model.uncertainty.bench), and a look at the robot that "
@@ -24,10 +28,10 @@ constexpr const char* kAdvice =
 optics::DepthDoubt doubt_of(const RigModel& model, const ClearanceBelief& belief) {
   optics::DepthDoubt doubt;
   doubt.viewpoint = model.projection.viewpoint;
-  doubt.scale = model.keep_out.scale_uncertainty;
+  doubt.scale = model.chain ? kMeasured : model.keep_out.scale_uncertainty;
   doubt.residual = kCalibrated;
   if (belief.calibrated) doubt.calibrated_at = 0;  // the retina's vertex
-  if (model.keep_out.eye_uncertain)
+  if (model.keep_out.eye_uncertain && !model.chain)
     doubt.eye = optics::viewpoint_shifts(optics::prescription(model.eye_name), optics::table_5_1());
   const BenchShifts bench = bench_shifts(model);
   doubt.eye.insert(doubt.eye.end(), bench.along.begin(), bench.along.end());
@@ -38,8 +42,11 @@ optics::DepthDoubt doubt_of(const RigModel& model, const ClearanceBelief& belief
 
 }  // namespace
 
-RobotClearance::RobotClearance(const RigModel& model, const ClearanceBelief& belief)
+RobotClearance::RobotClearance(const RigModel& rig, const ClearanceBelief& belief)
     : belief_(belief) {
+  std::optional<RigModel> centered;  // what a look on the retina has put right
+  if (rig.chain && belief.calibrated) centered = without_measured_chain(rig);
+  const RigModel& model = centered ? *centered : rig;
   model_.margin = model.keep_out.margin;
   model_.there = model.eye.size() > 2;
   model_.eye_in_world = model.eye_in_world;
