@@ -109,7 +109,7 @@ PreflightReport check_hold(const std::string& calibrate) {
   const TemporaryFolder folder;
   RunRequest request;
   request.what.protocol_file = VITREO_SOURCE_DIR "/protocols/hold.lua";
-  request.what.arguments = {"settle=0.5", "hold=1", "speed=2", "compare=false",
+  request.what.arguments = {"settle=0.5s", "hold=1s", "speed=2mm/s", "compare=false",
                             "calibrate=" + calibrate};
   request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/octomag_lab.lua";
   request.where.out = (folder.path() / "runs").string();
