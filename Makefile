@@ -54,10 +54,10 @@ mutate-numeric: build ## the same of the numeric code and of the record: 90 % mu
 	python3 -B tests/mutation/mutate.py $(BUILD)/tests/mutation --numeric
 
 SECONDS ?= 30
-fuzz: setup      ## feed every parser of outside bytes with random ones (SECONDS=30 each; clang)
+fuzz: setup      ## feed every parser of outside bytes with random ones (SECONDS=30 each, or EXECUTIONS=100000000; clang)
 	cmake --preset fuzz
 	cmake --build build/fuzz --target fuzzers
-	sh tests/fuzz/run.sh build/fuzz/tests/fuzz $(SECONDS)
+	sh tests/fuzz/run.sh build/fuzz/tests/fuzz $(SECONDS) $(EXECUTIONS)
 
 SOURCES = $(shell git ls-files -co --exclude-standard '*.cpp' '*.h')
 format:          ## lay out the C++ sources

@@ -146,7 +146,7 @@ void Interlock::set_currents(std::span<const double> currents) {
   if (!enabled_)
     throw DeviceError(DeviceErrorKind::refused, "coils",
                       "the interlock is open" + (tripped_.empty() ? "" : " (" + tripped_ + ")") +
-                          "; enable it first");
+                          "; rig.coils:enable() closes it again");
   check(currents);
   if (paused_) return;
   if (clock_ != nullptr && currents.size() == sent_.size()) check_slew(currents);

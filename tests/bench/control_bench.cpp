@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/allocation.h"
 #include "control/box_allocation.h"
+#include "control/coil_watch.h"
 #include "control/multipole_field.h"
 #include "control/pd.h"
 #include "control/robot.h"
@@ -157,5 +158,37 @@ void tick(benchmark::State& state) {
   }
 }
 BENCHMARK(tick)->Name("control/tick");
+
+// What the loop's watch adds to each frame that the filter used: which coil lacks its current, four
+// errors a coil allowed. `dead`: coil 3 carries nothing, so that the dear form is asked for too.
+void coil_watch(benchmark::State& state) {
+  const bool dead = state.range(0) != 0;
+  constexpr int kFrames = 4096;
+  constexpr double kSpan = 1.0 / 15;
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  const auto draw = [&](Eigen::Index columns, double sigma) {
+    return Eigen::MatrixXd::NullaryExpr(3, columns, [&] { return sigma * normal(random); }).eval();
+  };
+  std::vector<CoilMotions> given(kFrames);
+  std::vector<CoilTurns> turned(kFrames);
+  std::vector<Innovation> innovations(kFrames);
+  for (int i = 0; i < kFrames; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    given[at] = draw(8, 20e-6);
+    turned[at] = draw(24, 20e-6);
+    innovations[at].value = draw(1, 5e-6) - (dead ? 1.0 : 0.0) * given[at].col(2);
+    innovations[at].covariance = 25e-12 * Eigen::Matrix3d::Identity();
+  }
+  const Eigen::Matrix3d gain = 0.3 * Eigen::Matrix3d::Identity();
+  CoilWatch watch(8);
+  std::size_t i = 0;
+  for (auto _ : state) {
+    watch.add(innovations[i], gain, gain, kSpan, given[i], turned[i]);
+    benchmark::DoNotOptimize(watch.most_suspect());
+    i = (i + 1) % kFrames;
+  }
+}
+BENCHMARK(coil_watch)->Name("control/coil_watch_dead")->Arg(0)->Arg(1);
 
 }  // namespace

@@ -1,18 +1,25 @@
 #!/bin/sh
-# Runs each fuzz target in the folder $1 for $2 seconds, from its corpus; fails at the first finding.
+# Runs each fuzz target in the folder $1 from its corpus, for $2 seconds or, where $3 is given, for so many executions; fails
+# at the first finding. $4: only the targets whose names match. With KEEP=1 the corpus takes up the inputs that reach new code.
 set -eu
 here=$(dirname "$0")
 found=0
-for fuzzer in "$1"/*_fuzz; do
+bound="-max_total_time=$2"
+[ -z "${3:-}" ] || bound="-runs=$3"
+for fuzzer in "$1"/${4:-*}_fuzz; do
   name=$(basename "$fuzzer" _fuzz)
   work=$(mktemp -d)
   found=1
   echo "$name"
+  corpus="$here/corpus/$name"
   seeds=""
-  [ -d "$here/corpus/$name" ] && seeds="$here/corpus/$name"
+  [ -d "$corpus" ] && seeds="$corpus"
   # shellcheck disable=SC2086
-  "$fuzzer" -max_total_time="$2" -timeout=5 -max_len=4096 -verbosity=0 -print_final_stats=1 -artifact_prefix="$1/$name-" \
-    "$work" $seeds
+  "$fuzzer" "$bound" -timeout=30 -max_len=4096 -verbosity=0 -print_final_stats=1 -artifact_prefix="$1/$name-" "$work" $seeds
+  if [ "${KEEP:-}" = 1 ]; then
+    mkdir -p "$corpus"
+    "$fuzzer" -merge=1 -verbosity=0 "$corpus" "$work"
+  fi
   rm -r "$work"
 done
 [ "$found" = 1 ] || { echo "no fuzz target is built in $1"; exit 1; }

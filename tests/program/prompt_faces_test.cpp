@@ -154,6 +154,27 @@ TEST(PipedPrompt, AProtocolRunsByNameWithItsParametersAndEndsWithTheStatement) {
     EXPECT_NE(spoken.err.find(words), std::string::npos) << words << " in " << spoken.err;
 }
 
+// A night of measurements goes on after one that failed: its protocol has ended, with what it put
+// off, before pcall() returns.
+TEST(PipedPrompt, AProtocolThatFailedAndWasCaughtHasEnded) {
+  const Workplace place;
+  std::filesystem::create_directories(place.folder() / "protocols");
+  std::filesystem::create_directories(place.folder() / "scripts/rigs");
+  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua",
+                        place.folder() / "scripts/rigs");
+  place.write("protocols/fails.lua",
+              "return { title = 'fails', run = function(rig, p, run)\n"
+              "  run:defer(function() run:wait(0.1) print('put off') end)\n"
+              "  run:wait(0.1)\n  error('on purpose', 0)\nend }\n");
+  const Spoken spoken =
+      place.vitreo("",
+                   "do for i = 1, 2 do print(pcall(run, 'fails')) end print('after') end\n"
+                   "run('fails')\nprint('last')\n");
+  const std::string once = "put off\nfalse\ton purpose\n";
+  EXPECT_EQ(spoken.out, once + once + "after\nput off\nlast\n") << spoken.err;
+  EXPECT_NE(spoken.err.find("fails.lua:4"), std::string::npos) << spoken.err;
+}
+
 TEST(PipedPrompt, EachProtocolShowsItsOwnResults) {
   const Workplace place;
   std::filesystem::create_directories(place.folder() / "protocols");

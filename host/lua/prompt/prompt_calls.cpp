@@ -4,6 +4,7 @@
 #include "host/config/config.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/stop.h"
 #include "host/lua/interpreter/turn.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/prompt/prompt_see.h"
@@ -76,19 +77,20 @@ constexpr const char* kProtocolEnded = "vitreo.protocol_ended";
 // A protocol waits, and so yields through these calls: each goes on in a continuation, of which
 // Lua keeps only a number. That number is the address of a Prepared on the stack, which the
 // userdata there keeps alive.
-//
-/// What the protocol deferred and left open ends with it, and not with the statement: the next one
-/// begins on a rig that nothing holds. A deferred function may wait; where one raises an error,
-/// what is left of them is called at the statement's end.
+
+/// What a protocol that returned or raised an error deferred and left open is ended. A deferred
+/// function may wait; where one raises an error, what is left of them is called at the statement's
+/// end.
 int end_protocol(lua_State* L, int, lua_KContext) {
-  lua_settop(L, 0);
   Context& context = context_of(L);
+  lua_settop(L, 2);  // the Prepared and the error
   while (context.nested && context.deferred.size() > context.nested->deferred) {
     const int reference = context.deferred.back();
     context.deferred.pop_back();
     lua_rawgeti(L, LUA_REGISTRYINDEX, reference);
     luaL_unref(L, LUA_REGISTRYINDEX, reference);
     lua_callk(L, 0, 0, 0, end_protocol);
+    lua_settop(L, 2);
   }
   return guarded(L, "run: ", [&] {
     const HostCode host(context);
@@ -102,6 +104,11 @@ int end_protocol(lua_State* L, int, lua_KContext) {
     return 0;
   });
 }
+
+/// The protocol's `__close`: it ends with its call, however that ends, and not with the statement,
+/// so that the next one begins on a rig that nothing holds. After a stop the statement's end does
+/// it.
+int close_protocol(lua_State* L) { return is_stop(L, 2) ? 0 : end_protocol(L, LUA_OK, 0); }
 
 /// Whether the protocol that ran in this statement has ended, so that another may run.
 bool protocol_ended(lua_State* L) {
@@ -133,11 +140,13 @@ int collect_prepared(lua_State* L) {
   return 0;
 }
 
+int protocol_returned(lua_State*, int, lua_KContext) { return 0; }
+
 /// After the file's own statements: calls the function `run` of the table that it returned.
 int run_loaded(lua_State* L, int status, lua_KContext at) {
   begin_protocol(L, status, at);
-  lua_callk(L, 3, 0, 0, end_protocol);
-  return end_protocol(L, LUA_OK, 0);
+  lua_callk(L, 3, 0, 0, protocol_returned);
+  return protocol_returned(L, LUA_OK, 0);
 }
 
 /// run("drift_test", {hold = 5 * s}): here and now, on this rig, into this record.
@@ -169,10 +178,13 @@ int run_by_name(lua_State* L) {
     lua_settop(L, 0);
     prepared = new (lua_newuserdatauv(L, sizeof(Prepared), 0))
         Prepared{std::move(protocol), std::move(values)};
-    lua_createtable(L, 0, 1);
+    lua_createtable(L, 0, 2);
     lua_pushcfunction(L, collect_prepared);
     lua_setfield(L, -2, "__gc");
+    lua_pushcfunction(L, close_protocol);
+    lua_setfield(L, -2, "__close");
     lua_setmetatable(L, -2);
+    lua_toclose(L, 1);
     load_text(L, prepared->first.text, prepared->first.file);
     return 0;
   });

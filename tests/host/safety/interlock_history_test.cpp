@@ -55,7 +55,7 @@ TEST_F(InterlockHistoryTest, ARefusedSetPointNeverReachesTheAmplifier) {
   set({1, 1, 1});
   expect_refused({0, -5.01, 0}, "coil 2: -5.01 A is beyond the limit of 5 A");
   expect_refused({1, 0, 0}, "the interlock is open (coil 2: -5.01 A");
-  expect_refused({0, 0, 0}, "enable it first");
+  expect_refused({0, 0, 0}, "rig.coils:enable() closes it again");
   begin_again();
   expect_refused({4.5, -4.5, 4.5}, "13.5 A in all are beyond the limit of 12 A");
   begin_again();

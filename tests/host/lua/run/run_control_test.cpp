@@ -339,6 +339,48 @@ TEST_F(RunControlTest, ATripThatTheScriptAcceptsByNameIsPartOfTheRun) {
   EXPECT_EQ(run(trip + "run:accept('interlock', '')").outcome, Outcome::failed);
 }
 
+// The refusal says how to go on, and that is an event of the record; the trip stays one.
+TEST_F(RunControlTest, AnInterlockThatTrippedIsClosedAgainByAWord) {
+  const std::string trip =
+      "print(pcall(rig.coils.set_currents, rig.coils, { 99, 0, 0, 0, 0, 0, 0, 0 }))\n"
+      "print(pcall(rig.coils.set_currents, rig.coils, { 1, 0, 0, 0, 0, 0, 0, 0 }))\n";
+  const RunResult tripped =
+      run(trip +
+          "rig.coils:enable()\nrig.coils:enable()\nprint('enabled', rig.coils:currents()[1])\n"
+          "rig.coils:set_currents { 1, 0, 0, 0, 0, 0, 0, 0 }\n"
+          "print('set', rig.coils:currents()[1])");
+  EXPECT_NE(ear.said.find("rig.coils:enable() closes it again"), std::string::npos) << ear.said;
+  EXPECT_NE(ear.said.find("enabled\t0.0;"), std::string::npos) << ear.said;
+  EXPECT_NE(ear.said.find("set\t1.0;"), std::string::npos) << ear.said;
+  EXPECT_EQ(tripped.outcome, Outcome::aborted);
+  const std::string event = "interlock enabled:coil 1: 99 A is beyond the limit of 12 A";
+  EXPECT_NE(events.find(event), std::string::npos) << events;
+  EXPECT_EQ(events.find(event), events.rfind(event)) << "of a closed one it is none";
+}
+
+// What a stop took to zero, the script's own end does not energize again.
+TEST_F(RunControlTest, NoInterlockIsClosedAgainWhileTheRunIsBeingStopped) {
+  for (const StopTier tier : {StopTier::stop, StopTier::abort}) {
+    const char* const word = tier == StopTier::stop ? "stop" : "abort";
+    ear.said.clear();
+    ear.on_message = [tier](const std::string& line) {
+      if (line == "begun") attached_control()->request(tier);
+    };
+    const RunResult stopped =
+        run("rig.coils:set_currents { 1, 0, 0, 0, 0, 0, 0, 0 }\n"
+            "run:defer(function()\n"
+            "  pcall(rig.coils.set_currents, rig.coils, { 99, 0, 0, 0, 0, 0, 0, 0 })\n"
+            "  print('enable', pcall(rig.coils.enable, rig.coils))\n"
+            "  print('set', pcall(rig.coils.set_currents, rig.coils, { 1, 0, 0, 0, 0, 0, 0, 0 }))\n"
+            "end)\n"
+            "print('begun') run:wait(5 * s)");
+    EXPECT_NE(stopped.outcome, Outcome::completed) << word;
+    EXPECT_NE(ear.said.find("enable\tfalse"), std::string::npos) << word << ": " << ear.said;
+    EXPECT_NE(ear.said.find("set\tfalse"), std::string::npos) << word << ": " << ear.said;
+    EXPECT_EQ(events.find("interlock enabled"), std::string::npos) << events;
+  }
+}
+
 TEST_F(RunControlTest, AStopIsNeverRefusedForItsDecoration) {
   for (const char* line :
        {"{\"do\": \"stop\", \"by\": 5}", "{\"do\": \"stop\", \"positions\": \"junk\"}",
