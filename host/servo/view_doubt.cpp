@@ -4,6 +4,8 @@
 #include "host/rig/measured_chain.h"
 #include "optics/chain/eye_look.h"
 
+#include <Eigen/Cholesky>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
