@@ -102,9 +102,9 @@ local function hold(run, servo, p, aligned)
   return span
 end
 
-local function square(run, servo, p)
+local function square(rig, run, servo, p)
   -- 0.6 mm up: as in servo_square, the lower corners keep the margin from the retina.
-  local corners = paths.rectangle { width = p.width, depth = p.depth, center = vector(0, 0, 0.6 * mm) }
+  local corners = paths.rectangle { width = p.width, depth = p.depth, center = vector(0, 0, 0.6 * mm) + retina.room(rig) }
   servo:go_to(corners[1], { within = 1 * mm, settle = 0, timeout = 60 * s })
   run:wait(p.settle)
   local span = { from = run:now() }
@@ -221,7 +221,7 @@ return {
       if law == p.law then found.margins = margins(run, servo, "at the hold's end") end
       quality(run, servo, law, "hold", held)
       run:checkpoint("before the square, " .. law)
-      local went = square(run, servo, p)
+      local went = square(rig, run, servo, p)
       run:result(name_of("square", law, p.law), went.found.rms, "m")
       quality(run, servo, law, "square", went)
       held.law, went.law = law, law

@@ -20,7 +20,7 @@ local centers = { x = vector(0, 0, 0.6 * mm), z = vector(0, 0, 0.9 * mm) }
 
 -- Once round in one eye; when. `sight`: color_feedback.options. `shown`: with pictures.
 local function round(rig, run, p, truth, shown, sight)
-  local center = centers[p.orientation]
+  local center = centers[p.orientation] + retina.room(rig)
   local square = paths.rectangle { width = p.width, depth = p.depth, center = center, laps = p.laps }
   local axis = p.orientation == "z" and vector(0, 0, 1) or vector(1, 0, 0)
   run:progress(0, "learning the empty scene")
