@@ -98,7 +98,8 @@ TEST_F(OneBench, OfAnotherEyeWhatIsTheEyesCountsAsNotMeasured) {
   ASSERT_TRUE(other);
   ASSERT_EQ(warnings.size(), 1U);
   EXPECT_NE(warnings[0].find("another"), std::string::npos) << warnings[0];
-  EXPECT_LT(same->sigma("eye_rotation"), 0.9 * other->sigma("eye_rotation"));
+  // By itself it trades with the lens' place and is hardly learned: what was, is in the covariance.
+  EXPECT_LT(same->sigma("eye_rotation"), other->sigma("eye_rotation"));
   EXPECT_DOUBLE_EQ(other->sigma("eye_rotation"), 0.052);
   EXPECT_DOUBLE_EQ(other->sigma("retina_depth"), 0.3e-3);
   EXPECT_DOUBLE_EQ(same->sigma("pixel"), other->sigma("pixel")) << "the microscope is the same";
