@@ -18,7 +18,7 @@ namespace vitreo::records {
 namespace VITREO_TEST_FILE {
 
 const Eigen::Vector3d kX(1, 0, 0);
-constexpr int kBenches = 20, kPlaces = 5;
+constexpr int kBenches = 6, kPlaces = 5;
 
 struct Tally {
   int places = 0;
@@ -52,8 +52,8 @@ void judge(DrawnBench& bench, const RigModel& model, std::uint64_t seed, Tally& 
   }
 }
 
-// Errors of a bench are common to its places: of 20 benches and 95 %, 82 % are three deviations
-// below, if a bench counted once.
+// Errors of a bench are common to its places: at 95 % more than one bench of six lies wholly
+// outside in 3 of 100 cases. record_coverage has many (its last argument: measured).
 TEST(MeasuredBench, IsWithinWhatTheLocalizerStatesAfterwardsAndThatIsAFractionOfBefore) {
   Tally before, after;
   int measured = 0;
@@ -66,9 +66,9 @@ TEST(MeasuredBench, IsWithinWhatTheLocalizerStatesAfterwardsAndThatIsAFractionOf
     judge(bench, bench.model(), seed, before);
     judge(bench, *model, seed, after);
   }
-  ASSERT_GE(measured, kBenches - 2);
-  ASSERT_GE(after.places, (kBenches - 3) * kPlaces);
-  for (int axis = 0; axis < 3; ++axis) EXPECT_GE(after.within[axis], 0.82 * after.places) << axis;
+  ASSERT_GE(measured, kBenches - 1);
+  ASSERT_GE(after.places, (kBenches - 2) * kPlaces);
+  for (int axis = 0; axis < 3; ++axis) EXPECT_GE(after.within[axis], 0.66 * after.places) << axis;
   const Eigen::Vector3d ratio = before.median().cwiseQuotient(after.median());
   EXPECT_GT(ratio.x(), 10) << "by the side camera's own places";
   EXPECT_GT(ratio.z(), 4);
