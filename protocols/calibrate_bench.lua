@@ -100,5 +100,6 @@ return {
     chain.report(run, made)
     judged(rig, run, further, believed, "before")
     judged(rig, run, further, made.chain, "after")
+    chain.install(rig, run, made.chain, false)
   end,
 }

@@ -119,6 +119,7 @@ return {
     end)
     run:result("height_sigma_median", statistics.median(heights), "m")
     run:headline(("Height above the retina to %s"):format(format_quantity(statistics.median(heights), "m")))
+    chain.install(rig, run, made.chain, true)
     if p.further > 0 then work_on(rig, run, servo, made.chain, p) end
   end,
 }

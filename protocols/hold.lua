@@ -7,6 +7,7 @@ local units = require "units"
 local paths = require "paths"
 local judge = require "analysis.path_accuracy"
 local plant = require "session.plant"
+local retina = require "calibration.retina"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 -- Away from the center, where the model is worse; and not on the way of the square.
@@ -101,9 +102,9 @@ local function hold(run, servo, p, aligned)
   return span
 end
 
-local function square(run, servo, p)
+local function square(rig, run, servo, p)
   -- 0.6 mm up: as in servo_square, the lower corners keep the margin from the retina.
-  local corners = paths.rectangle { width = p.width, depth = p.depth, center = vector(0, 0, 0.6 * mm) }
+  local corners = paths.rectangle { width = p.width, depth = p.depth, center = vector(0, 0, 0.6 * mm) + retina.room(rig) }
   servo:go_to(corners[1], { within = 1 * mm, settle = 0, timeout = 60 * s })
   run:wait(p.settle)
   local span = { from = run:now() }
@@ -180,18 +181,23 @@ return {
     width = { unit = "mm", default = 8 * mm, min = 0.1 * mm, max = 9 * mm, help = "of the square, along x" },
     depth = { unit = "mm", default = 6 * mm, min = 0.1 * mm, max = 7 * mm, help = "of the square, along the eye's axis" },
     speed = { unit = "mm/s", default = 0.5 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "round the square" },
+    calibrate = retina.parameter "when",
     align = { default = true, help = "take the top camera's bias at the place from the side camera beforehand" },
     calibration = { default = "", help = "YAML of a measured machine, put in the simulated plant; empty: it is drawn" },
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
   },
   run = function(rig, p, run)
-    local background
+    local background, view
     plant.calibrate(rig, run, p.calibration)
     rig.sample:remove_robot()
     if p.feedback == "pose_sensor" then
       run:note("feedback pose_sensor: the loop is fed by the simulator's truth, late and noisy; no camera")
     else
       background = rig:learn_background { frames = 15 }
+      if retina.wanted(rig, run, p.calibrate) then
+        view = retina.view(rig, run, background, { field = p.field, axis = { 1, 0, 0 }, snapshot = "on the retina" })
+        run:wait(0.2 * s) -- the next loop's currents must not follow these at once
+      end
     end
     local aligned = p.align and p.feedback == "one_camera" and rig.side_camera ~= nil
     if aligned then run:note("the top camera's bias is taken from the side camera before the hold, at its place") end
@@ -199,7 +205,13 @@ return {
     local rows, holds, squares = {}, {}, {}
     local found = { hold = {}, square = {} }
     for law in run:each(laws, "law") do
-      local servo <close> = rig:servo { background = background, feedback = p.feedback, law = law, field = p.field }
+      local servo <close> = rig:servo {
+        background = background,
+        feedback = p.feedback,
+        law = law,
+        field = p.field,
+        view = view,
+      }
       servo:hold(place)
       rig.sample:insert_robot(place)
       servo:wait_until_tracked { timeout = 10 * s }
@@ -209,7 +221,7 @@ return {
       if law == p.law then found.margins = margins(run, servo, "at the hold's end") end
       quality(run, servo, law, "hold", held)
       run:checkpoint("before the square, " .. law)
-      local went = square(run, servo, p)
+      local went = square(rig, run, servo, p)
       run:result(name_of("square", law, p.law), went.found.rms, "m")
       quality(run, servo, law, "square", went)
       held.law, went.law = law, law

@@ -20,13 +20,13 @@ local centers = { x = vector(0, 0, 0.6 * mm), z = vector(0, 0, 0.9 * mm) }
 
 -- Once round in one eye; when. `sight`: color_feedback.options. `shown`: with pictures.
 local function round(rig, run, p, truth, shown, sight)
-  local center = centers[p.orientation]
+  local center = centers[p.orientation] + retina.room(rig)
   local square = paths.rectangle { width = p.width, depth = p.depth, center = center, laps = p.laps }
   local axis = p.orientation == "z" and vector(0, 0, 1) or vector(1, 0, 0)
   run:progress(0, "learning the empty scene")
   rig.sample:remove_robot()
   local background = rig:learn_background { frames = 15 } -- feedback by color alone does not look at it
-  local calibrates = p.calibrate == "yes" or (p.calibrate == "auto" and p.eye == "perturbed")
+  local calibrates = retina.wanted(rig, run, p.calibrate, p.eye == "perturbed")
   local attitude = p.attitude == "auto" and (calibrates and "estimated" or "taken") or p.attitude
   local doubt = bring.axis_uncertainty(attitude)
   local view
@@ -200,11 +200,7 @@ return {
       default = "auto",
       help = "how the robot lies: taken for the commanded axis, as the thesis, or estimated; auto: in an eye that is calibrated",
     },
-    calibrate = {
-      choices = { "auto", "yes", "no" },
-      default = "auto",
-      help = "on the retina, before; auto: when the eye is perturbed",
-    },
+    calibrate = retina.parameter "when the eye is perturbed, or",
   },
   run = function(rig, p, run)
     local book = expect.book(run, "figure 6.5")

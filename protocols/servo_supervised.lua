@@ -133,11 +133,7 @@ return {
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
     eye = eyes.parameter "nominal",
     draw = eyes.draw,
-    calibrate = {
-      choices = { "auto", "yes", "no" },
-      default = "auto",
-      help = "on the retina, before, as in thesis 6.2; auto: when the eye is perturbed",
-    },
+    calibrate = retina.parameter "when the eye is perturbed, or",
   },
   run = function(rig, p, run)
     local zones = retina_zones.read(p.zones)
@@ -147,7 +143,7 @@ return {
     local truth = p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw) or nil
     local sight = color_feedback.options(rig, run, p)
     local background = rig:learn_background { frames = 15 } -- feedback by color alone does not look at it
-    local calibrates = p.calibrate == "yes" or (p.calibrate == "auto" and p.eye == "perturbed")
+    local calibrates = retina.wanted(rig, run, p.calibrate, p.eye == "perturbed")
     local view
     if calibrates then
       local shown = "on the retina, for calibration"

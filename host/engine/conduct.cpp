@@ -78,6 +78,13 @@ void note_clock(const RunStage& stage) {
                                     utc_text(zero), to_seconds(monotonic)));
 }
 
+/// What the rig's files leave in doubt, such as a bench that is drawn and counts as known: a
+/// simulated run has no preflight that would say it.
+void note_rig(const RunStage& stage) {
+  for (const std::string& warning : stage.rig->rig().warnings)
+    stage.recorder->event(stage.clock->now(), "rig", warning);
+}
+
 /// Act one: the session with all that is attached to it. It dies in reverse order, the faces before
 /// the session.
 class RunSession {
@@ -109,6 +116,7 @@ class RunSession {
     // A face reports its own failure in the record and does not throw (host/session/face.h).
     for (Face* face : request.how.faces) faces_.begin(*face, session_);
     note_clock(stage);
+    note_rig(stage);
     session_.faults = &faults_;
     for (const Fault& fault : stage.faults) faults_.add(fault);
     if (request.how.companion) request.how.companion(session_);

@@ -30,7 +30,8 @@ struct Key {
   const char *table, *name, *role;
   bool is_file;
 };
-constexpr std::array kKeys{Key{"top_camera", "effective_pixel", "top_camera", false},
+constexpr std::array kKeys{Key{"model", "chain", "top_camera", true},
+                           Key{"top_camera", "effective_pixel", "top_camera", false},
                            Key{"top_camera.microscope", "pupil_distance", "top_camera", false},
                            Key{"side_camera", "effective_pixel", "side_camera", false},
                            Key{"model", "coil_delay", "coils", false},

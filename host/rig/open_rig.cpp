@@ -5,6 +5,7 @@
 #include "devices/time/error.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/field_calibration_yaml.h"
+#include "host/rig/measured_chain.h"
 #include "host/rig/plant_settings.h"
 #include "host/rig/rig_settings.h"
 #include "host/rig/sample.h"
@@ -16,6 +17,7 @@
 #include <fstream>
 #include <map>
 #include <sstream>
+#include <utility>
 
 namespace vitreo {
 namespace {
@@ -369,6 +371,23 @@ control::MultipoleField model_calibration(const std::string& file,
   }
 }
 
+/// What a calibration of the viewing chain found becomes what the loop believes.
+void take_chain(const RigDescription& rig, RigSettings& settings,
+                std::vector<std::string>& warnings) {
+  if (settings.chain.empty()) return;
+  const std::string file = beside(rig, "model.chain", settings.chain);
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  if (!stream) throw ConfigError(file + ": the calibration of the viewing chain cannot be read");
+  try {
+    auto chain = read_measured_chain(text.str(), settings.model, warnings);
+    if (chain) use_measured_chain(settings.model, std::move(chain));
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(file + ": " + problem.what());
+  }
+}
+
 /// A calibration changes what the loop believes; the simulated cameras stay as the rig file has
 /// them.
 void keep_simulated_cameras(const RigDescription& rig, sim::LaboratorySettings& laboratory) {
@@ -433,10 +452,11 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   sim::LaboratorySettings& laboratory = settings.laboratory;
   if (!laboratory.fundus.empty())
     laboratory.fundus = beside(description, "truth.fundus", laboratory.fundus);
-  std::vector<std::string> warnings;
+  std::vector<std::string> warnings = settings.warnings;
   if (!settings.field_calibration.empty())
     settings.model.field = laboratory.believed_field = model_calibration(
         beside(description, "model.calibration", settings.field_calibration), warnings);
+  take_chain(description, settings, warnings);
   keep_simulated_cameras(description, laboratory);
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;

@@ -26,12 +26,15 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <variant>
 #include <vector>
 
 namespace vitreo {
+
+struct MeasuredChain;
 
 /// The nominal model: what the loop computes with. The real thing (or the simulated one) differs.
 struct RigModel {
@@ -54,8 +57,12 @@ struct RigModel {
   control::Medium medium;
   KeepOutSettings keep_out;
   ViewUncertainty uncertainty;
+  /// What a calibration found that is installed (host/rig/measured_chain.h); null: none. Shared:
+  /// models are copied, and a chain is large.
+  std::shared_ptr<const MeasuredChain> chain{};
   std::string focus_axis = "z";            // of the stage that carries the sensor, along the light
   std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
+  std::string eye_id;                      // which one is there (sample.eye); "": not said
 };
 
 /// Commands that only a simulated rig takes. None of them returns anything of the truth.
@@ -111,7 +118,7 @@ struct Rig {
   /// that is none of a Lua file, DeviceError{refused} while it is energized, moves, or is used by a
   /// servo loop; Reloadable.
   std::function<RigSource(const std::string& role)> reload;
-  std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each
+  std::vector<std::string> warnings;  ///< of the rig file and its calibration files, a line each
   /// The names of the roles that are there and a script can use, sorted.
   std::vector<std::string> roles() const;
   /// Whether it has what a protocol asks for: a role, or a kind, "sensor", "sensor:temperature".

@@ -5,6 +5,7 @@
 #include "devices/instruments/rescues.h"
 #include "devices/links/serial_link.h"
 #include "host/config/rights.h"
+#include "host/rig/bench_settings.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/instrument_file.h"
 #include "host/rig/plant_settings.h"
@@ -23,41 +24,13 @@ namespace {
 
 constexpr double kMillimeter = 1e-3;
 
-// "bench": how well it is known where eye, lens and microscope stand. Each key for itself; "known"
-// for all of them: as believed. A bench set up by hand has to be said: with it the thesis' own
-// square comes too near to a retina that was not touched yet.
-void read_bench(ConfigReader reader, BenchUncertainty& bench) {
-  if (reader.choice("places", "known", {"by_hand", "known"}) == "known")
-    bench = BenchUncertainty::none();
-  const auto length = [&reader](const char* key, double& sigma) {
-    sigma = reader.number(key, sigma, {0, 5 * kMillimeter, "m"});
-  };
-  const auto angle = [&reader](const char* key, double& sigma) {
-    sigma = reader.number(key, sigma, {0, 0.2, "rad"});
-  };
-  bench.pupil_power = reader.number("pupil_power", bench.pupil_power, {0, 10, "1/m"});
-  bench.pixel = reader.number("pixel", bench.pixel, {0, 0.1, ""});
-  angle("microscope_tilt", bench.microscope_tilt);
-  angle("lens_tilt", bench.lens_tilt);
-  angle("eye_rotation", bench.eye_rotation);
-  angle("inner_lens_tilt", bench.inner_lens_tilt);
-  length("object_plane", bench.object_plane);
-  length("center", bench.center);
-  length("lens_axial", bench.lens_axial);
-  length("lens_aside", bench.lens_aside);
-  length("inner_lens_aside", bench.inner_lens_aside);
-  length("axial_length", bench.axial_length);
-  length("retina_depth", bench.retina_depth);
-  length("retina_curvature", bench.retina_curvature);
-  reader.finish();
-}
-
+/// Its table `bench` is read when the cameras and the plant are known: see read_rig_settings().
 void read_uncertainty(ConfigReader reader, ViewUncertainty& known) {
   known.size = reader.number("size", known.size, {0, 0.5, ""});
   known.pixel = reader.number("pixel", known.pixel, {0, 0.5, ""});
   known.tilt = reader.number("tilt", known.tilt, {0, 0.5, "rad"});
   known.eye = reader.number("eye", known.eye, {0, 10 * kMillimeter, "m"});
-  read_bench(reader.table("bench"), known.bench);
+  reader.table("bench");
   reader.finish();
 }
 
@@ -81,6 +54,7 @@ void read_model(ConfigReader reader, RigSettings& settings) {
   model.robot.moment_factor = reader.number("moment", 1, {0.1, 10, ""});
   reader.choice("field", "octomag", {"octomag"});
   settings.field_calibration = reader.text("calibration", "");
+  settings.chain = reader.text("chain", "");
   model.command_delay = reader.number("coil_delay", model.command_delay, {0, 0.3, "s"});
   model.command_bandwidth =
       reader.number("coil_bandwidth", model.command_bandwidth, {0.1, 10000, "Hz"});
@@ -469,6 +443,7 @@ void read_sample(ConfigReader reader, RigSettings& settings) {
   for (const char* const field :
        {"eye", "species", "age", "died", "removed", "pipette", "light", "robot"})
     if (reader.has(field)) reader.text(field, "");
+  if (reader.has("eye")) settings.model.eye_id = reader.text("eye", "");
   reader.finish();
 }
 
@@ -511,11 +486,21 @@ void center_laboratory(RigSettings& settings) {
   laboratory.world.cavity.lens_depth = settings.model.eye.vertex(2);
 }
 
+/// What a rig that does not say it knows of its bench follows from its camera and its plant.
+BenchFacts bench_facts(const RigSettings& settings) {
+  BenchFacts facts;
+  facts.pictures = settings.top_camera;
+  facts.shows_eye = settings.top_camera && settings.laboratory.top_view != sim::TopView::plain;
+  facts.simulated = settings.top == nullptr;
+  facts.plant = settings.optics;
+  return facts;
+}
+
 }  // namespace
 
 // Rights and calibrations are read for their errors and their place in the resolved rig; their
-// users read them again. `truth` comes last but for finish(), since it changes what
-// center_laboratory() has built.
+// users read them again. `truth` comes after all that center_laboratory() builds upon, and the
+// bench's places after it: whether they are known by default depends on the plant.
 RigSettings read_rig_settings(ConfigReader& reader) {
   RigSettings settings;
   settings.title = reader.text("title", "untitled rig");
@@ -540,6 +525,9 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   read_free_roles(reader, settings);
   center_laboratory(settings);
   read_plant(reader.table("truth"), settings.laboratory, settings.optics, settings.calibration);
+  settings.model.uncertainty.bench =
+      read_bench(reader.table("model").table("uncertainty").table("bench"), bench_facts(settings),
+                 settings.warnings);
   add_target(settings);
   reader.finish();
   return settings;

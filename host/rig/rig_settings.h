@@ -42,6 +42,7 @@ struct RigSettings {
   LinkLoads links;
   PausePolicy coil_pause = PausePolicy::hold;
   std::optional<HeartbeatSettings> heartbeat;  // of the amplifiers' own line, or of enable_line
+  std::string chain;              // a file of what a calibration of the viewing chain found
   std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
   std::optional<sim::PoseSensorSettings> pose_sensor;
   bool top_camera = false;
@@ -67,6 +68,7 @@ struct RigSettings {
       0;                  // a bit a pedal that must be held while the coils are energized; 0: none
   bool guardian = false;  // a process that watches the host
   std::vector<guardian::Output> guarded;  // what it zeroes
+  std::vector<std::string> warnings;      ///< of what the file says, with the key, a line each
 };
 
 /// Throws ConfigError with file and line.

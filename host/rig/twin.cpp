@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <string_view>
 
 namespace vitreo {
 namespace {
@@ -46,6 +47,19 @@ void emulate_camera(ConfigTable& camera) {
   });
   for (const char* side : {"width_px", "height_px"}) clamp_number(camera, side, 64, 8192);
   clamp_number(camera, "frame_rate", 0.1, 2000);
+}
+
+ConfigTable& made_in(ConfigTable& table, const std::string& key) {
+  ConfigValue& value = table[key];
+  if (!std::holds_alternative<ConfigTable>(value.value)) value.value = ConfigTable{};
+  return std::get<ConfigTable>(value.value);
+}
+
+/// What the loop reckons with is the rig's own: a real bench that says nothing was set up by hand,
+/// where the twin's simulated picture would count as known.
+void keep_places(RigDescription& twin) {
+  ConfigTable& bench = made_in(made_in(made_in(twin.table, "model"), "uncertainty"), "bench");
+  bench.try_emplace("places", ConfigValue{std::string("by_hand")});
 }
 
 // 15 Hz: a real camera's file need not say.
@@ -144,7 +158,10 @@ RigDescription twin_of(const RigDescription& rig) {
   RigDescription twin = rig;
   for (const char* name : {"top_camera", "side_camera"}) {
     ConfigTable* const camera = table_in(twin.table, name);
-    if (camera != nullptr && is_real(*camera)) emulate_camera(*camera);
+    if (camera == nullptr || !is_real(*camera)) continue;
+    emulate_camera(*camera);
+    if (name == std::string_view("top_camera") && text_of(*camera, "view") != "plain")
+      keep_places(twin);
   }
   for (auto& [name, value] : twin.table) {
     auto* const role = std::get_if<ConfigTable>(&value.value);

@@ -34,8 +34,9 @@ struct BenchUncertainty {
   double axial_length = 0.1e-3;      // retina to the eye's lens
   double retina_depth = 0.3e-3;
   double retina_curvature = 0.15e-3;  // of sag, 4 mm from the axis
+  bool by_hand = true;  // set up by hand: what was not measured of it has these defaults
   /// Everything stands as believed: of a bench that was measured, or that is none.
-  static BenchUncertainty none() { return {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}; }
+  static BenchUncertainty none() { return {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, false}; }
 };
 
 /// How well a laboratory knows what its localization takes for known: standard deviations, of

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/localizer.h"
 
+#include "host/rig/measured_chain.h"
 #include "host/servo/believed_view.h"
 #include "optics/pose/equivalent_ellipse.h"
 #include "optics/pose/pose.h"
@@ -37,6 +38,18 @@ optics::ObjectModel body_of(const control::Robot& robot) {
     return optics::crossed_ellipsoids(robot.semi_axis, robot.semi_radius, thickness / 2);
   if (has_flat_ends(robot)) return optics::cylinder(robot.semi_axis, robot.semi_radius);
   return optics::ellipsoid({robot.semi_radius, robot.semi_radius, robot.semi_axis});
+}
+
+/// m^2: how well it is known where the eye stands in the world. A chain that was measured by places
+/// of a side camera, which looks along y, has its x and z: as its scale and its turn have them.
+Eigen::Matrix3d place_covariance(const RigModel& model, const Eigen::Vector3d& position_in_eye,
+                                 bool measured) {
+  const ViewUncertainty& known = model.uncertainty;
+  Eigen::Vector3d sigma = Eigen::Vector3d::Constant(known.eye);
+  if (measured && !model.chain->touched)
+    sigma.x() = sigma.z() =
+        std::hypot(known.pixel, known.tilt) * (position_in_eye + model.eye_in_world).norm();
+  return sigma.cwiseAbs2().asDiagonal();
 }
 
 /// A robot is put in with one of its plates level; along the line of sight, with one along y.
@@ -244,16 +257,27 @@ void Localizer::from_above(Observation& observation) const {
 /// the eye stands. Where the chain shows nothing the position is anywhere in the eye.
 SystematicDoubt Localizer::systematic_of(const Found& found,
                                          const vision::EllipseMeasurement& seen) const {
-  const double place = model_.uncertainty.eye;
-  const Eigen::Matrix3d of_place = place * place * Eigen::Matrix3d::Identity();
-  const Eigen::Vector3d axis = found.attitude ? Eigen::Vector3d(found.attitude->col(2)) : axis_;
+  const bool measured = doubt_->measured();
+  const Eigen::Matrix3d of_place = place_covariance(model_, found.position_in_eye, measured);
+  const Eigen::Vector3d axis =
+      found.attitude && !measured ? Eigen::Vector3d(found.attitude->col(2)) : axis_;
   const auto of_view =
       doubt_->systematic(found.position_in_eye, axis, seen, found.attitude.has_value(),
                          tilted_ ? tilted_->orientation_sigma : 0);
   if (!of_view) return {kEye * kEye * Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero()};
-  if (!found.stays) return {of_place + of_view->whole, of_view->by_attitude};
+  if (measured || !found.stays) return {of_place + of_view->whole, of_view->by_attitude};
   // Attitude and outline as the outline's own fit has them; eye and calibration as of the ellipse.
   return {of_place + of_view->whole - of_view->by_attitude + *found.stays, *found.stays};
+}
+
+/// What the centered optics found is where the measured chain's own search begins, about the axis
+/// that is expected: the one that those optics estimate has their error in it. False where the
+/// chain shows no robot there.
+bool Localizer::relocate(Found& found, const vision::EllipseMeasurement& seen) const {
+  const auto at =
+      doubt_->located(found.position_in_eye, axis_, seen, tilted_ ? tilted_->orientation_sigma : 0);
+  if (at) found.position_in_eye = *at;
+  return at.has_value();
 }
 
 /// With an uncertain axis by_axis() gives the start and by_outline() the answer, or with_axis();
@@ -277,6 +301,8 @@ void Localizer::localize(Observation& observation) {
     return;
   }
   last_in_eye_ = found->position_in_eye;
+  last_attitude_ = found->attitude;
+  if (doubt_->measured() && !relocate(*found, of_spheroid)) return;
   observation.position = found->position_in_eye + model_.eye_in_world;
   // The model's own error is systematic; as a variance it keeps a filter from trusting the noise
   // alone.
@@ -287,7 +313,6 @@ void Localizer::localize(Observation& observation) {
   observation.covariance =
       found->covariance + error * error * Eigen::Matrix3d::Identity() + observation.systematic;
   observation.residual_px = found->residual_px;
-  last_attitude_ = found->attitude;
   if (found->attitude) observation.axis = found->attitude->col(2);
   observation.axis_covariance = found->axis_covariance;
   observation.axis_sigma = std::sqrt(found->axis_covariance.trace() / 2);

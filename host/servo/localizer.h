@@ -86,6 +86,7 @@ class Localizer {
   std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
   vision::EllipseMeasurement as_of_spheroid(const vision::EllipseMeasurement& seen) const;
   SystematicDoubt systematic_of(const Found& found, const vision::EllipseMeasurement& seen) const;
+  bool relocate(Found& found, const vision::EllipseMeasurement& seen) const;
   Eigen::Matrix3d expected_attitude() const;
   bool lies_level() const;
   std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,

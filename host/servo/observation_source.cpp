@@ -2,6 +2,7 @@
 #include "host/servo/observation_source.h"
 
 #include "devices/roles/gray.h"
+#include "host/rig/measured_chain.h"
 #include "host/servo/servo_cameras.h"
 
 #include <fmt/format.h>
@@ -81,6 +82,8 @@ void check_cameras(const Rig& rig, const ServoCameras& cameras, const ServoSetti
 /// The localizer's model with the calibration on the known retina (thesis 6.2): the image's scale,
 /// where the eye is, or its numbers. Where the robot may go stays as the rig says.
 RigModel corrected(RigModel model, const ViewCorrection& view) {
+  if (view.image_scale != 1 || !view.offset.isZero() || view.eye)
+    model = without_measured_chain(std::move(model));
   model.top_image.pixel *= view.image_scale;
   model.eye_in_world += view.offset;
   if (!view.eye) return model;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/robot_clearance.h"
 
+#include "host/rig/measured_chain.h"
 #include "host/servo/view_doubt.h"
 #include "optics/system/prescriptions.h"
 #include "optics/system/tolerance.h"
@@ -16,14 +17,21 @@ namespace {
 
 // Relative, of the size of the image after a calibration on the retina: one observation at rest.
 constexpr double kCalibrated = 2e-3;
+// The same of a measured chain, in which the robot's size and the pixel are: what is left of a
+// frame's outline, 0.1 px of 27.
+constexpr double kMeasured = 4e-3;
+
+constexpr const char* kAdvice =
+    "; the bench counts as set up by hand (model.uncertainty.bench), and a look at the robot that "
+    "lies on the retina tells more of it: calibrate=yes of the protocols, retina.view of scripts";
 
 optics::DepthDoubt doubt_of(const RigModel& model, const ClearanceBelief& belief) {
   optics::DepthDoubt doubt;
   doubt.viewpoint = model.projection.viewpoint;
-  doubt.scale = model.keep_out.scale_uncertainty;
+  doubt.scale = model.chain ? kMeasured : model.keep_out.scale_uncertainty;
   doubt.residual = kCalibrated;
   if (belief.calibrated) doubt.calibrated_at = 0;  // the retina's vertex
-  if (model.keep_out.eye_uncertain)
+  if (model.keep_out.eye_uncertain && !model.chain)
     doubt.eye = optics::viewpoint_shifts(optics::prescription(model.eye_name), optics::table_5_1());
   const BenchShifts bench = bench_shifts(model);
   doubt.eye.insert(doubt.eye.end(), bench.along.begin(), bench.along.end());
@@ -34,8 +42,11 @@ optics::DepthDoubt doubt_of(const RigModel& model, const ClearanceBelief& belief
 
 }  // namespace
 
-RobotClearance::RobotClearance(const RigModel& model, const ClearanceBelief& belief)
+RobotClearance::RobotClearance(const RigModel& rig, const ClearanceBelief& belief)
     : belief_(belief) {
+  std::optional<RigModel> centered;  // what a look on the retina has put right
+  if (rig.chain && belief.calibrated) centered = without_measured_chain(rig);
+  const RigModel& model = centered ? *centered : rig;
   model_.margin = model.keep_out.margin;
   model_.there = model.eye.size() > 2;
   model_.eye_in_world = model.eye_in_world;
@@ -58,6 +69,7 @@ RobotClearance::RobotClearance(const RigModel& model, const ClearanceBelief& bel
     doubt_ = doubt_of(model, belief);
   else
     eye_sigma_ = model.uncertainty.eye;
+  look_helps_ = bench.by_hand && belief.through_eye && !model.plain_view && !belief.calibrated;
 }
 
 std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& position,
@@ -100,9 +112,9 @@ void RobotClearance::check(const control::Trajectory& path) const {
     if (!refused && !(i == kAsked && !kept)) continue;
     throw std::invalid_argument(fmt::format(
         "({:.2f}, {:.2f}, {:.2f}) mm is out of reach: the robot would be {}, and {:.2f} mm must be "
-        "left (keep_out.margin)",
+        "left (keep_out.margin){}",
         position.x() * 1e3, position.y() * 1e3, position.z() * 1e3, clearance_text(*there),
-        margin() * 1e3));
+        margin() * 1e3, look_helps_ ? kAdvice : ""));
   }
 }
 

@@ -64,9 +64,10 @@ class RobotClearance {
   ClearanceBelief belief_;
   optics::DepthDoubt doubt_;
   Eigen::Matrix3d by_attitude_ = Eigen::Matrix3d::Zero();  // m^2
-  double eye_sigma_ = 0;    // m, of where the eye stands, each coordinate
-  double felt_retina_ = 0;  // m
-  double felt_lens_ = 0;    // m
+  double eye_sigma_ = 0;     // m, of where the eye stands, each coordinate
+  double felt_retina_ = 0;   // m
+  double felt_lens_ = 0;     // m
+  bool look_helps_ = false;  // at the robot on the retina: it was not seen there yet
 };
 
 /// Clearances, and the place (m, world) that each wall's is of.

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/view_doubt.h"
 
+#include "host/rig/measured_chain.h"
 #include "optics/chain/eye_look.h"
+
+#include <Eigen/Cholesky>
 
 #include <algorithm>
 #include <array>
@@ -18,17 +21,6 @@ constexpr double kChangingOutline_px = 0.1;
 
 /// px, of a mean of two seconds of frames on the retina.
 constexpr double kLook_px = 0.05;
-
-// The believed chain, its scale as a calibration has put it right.
-optics::NominalChain chain_of(const RigModel& model) {
-  optics::NominalChain chain;
-  chain.prescription = optics::prescription(model.eye_name);
-  chain.prescription.system = model.eye;
-  chain.microscope = model.microscope;
-  chain.image = model.top_image;
-  chain.robot = {model.robot.semi_axis, model.robot.semi_radius};
-  return chain;
-}
 
 optics::ChainSigmas sigmas_of(const BenchUncertainty& bench) {
   optics::ChainSigmas sigmas = optics::ChainSigmas::none();
@@ -97,8 +89,12 @@ vision::EllipseMeasurement outline_at(const optics::ViewingChain& chain,
 
 }  // namespace
 
+// A look on the retina puts the centered optics right, not a measured chain.
 ViewDoubt::ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, ViewCalibration calibrated)
-    : belief_(optics::prior_belief(chain_of(model), sigmas_of(model, calibrated))) {
+    : measured_(model.chain && calibrated == ViewCalibration::none),
+      belief_(measured_
+                  ? model.chain->belief
+                  : optics::prior_belief(nominal_chain(model), sigmas_of(model, calibrated))) {
   const bool has_pixel = model.uncertainty.pixel > 0 || model.uncertainty.bench.pixel > 0;
   const bool scale = calibrated == ViewCalibration::scale && has_pixel;
   if (!scale && calibrated != ViewCalibration::eye) return;
@@ -124,21 +120,35 @@ std::optional<SystematicDoubt> ViewDoubt::systematic(const Eigen::Vector3d& posi
                                     estimated_axis ? axis_sigma : kTakenAxis};
   const auto doubt = optics::position_doubt(
       belief_, {position_in_eye, axis, seen.ellipse.center_px}, outline,
-      estimated_axis ? optics::PositionFit::weighted : optics::PositionFit::thesis);
+      estimated_axis || measured_ ? optics::PositionFit::weighted : optics::PositionFit::thesis);
   if (!doubt) return std::nullopt;
   return SystematicDoubt{doubt->covariance - doubt->tracker, doubt->noise - doubt->tracker};
+}
+
+std::optional<Eigen::Vector3d> ViewDoubt::located(const Eigen::Vector3d& start,
+                                                  const Eigen::Vector3d& axis,
+                                                  const vision::EllipseMeasurement& seen,
+                                                  double axis_sigma) const {
+  const optics::OutlineSeen outline{seen.ellipse.vector(), seen.covariance, kChangingOutline_px,
+                                    axis_sigma > 0 ? axis_sigma : kTakenAxis};
+  return optics::locate_in_chain(belief_.chain, outline, axis, start);
 }
 
 double retina_sigma(const RigModel& model) {
   constexpr double kByMri = 0.3e-3;  // m (thesis 4.3)
   const double known = model.uncertainty.bench.retina_depth;
+  if (model.chain) return model.chain->touched ? 0 : known;
   return model.keep_out.eye_uncertain ? std::max(known, kByMri) : known;
 }
 
 /// Of a robot that lies along x over the retina's middle, in two heights: the shifts are linear.
 BenchShifts bench_shifts(const RigModel& model) {
   constexpr std::array<double, 2> kHeights{1e-3, 9e-3};  // m
-  const auto belief = optics::prior_belief(chain_of(model), sigmas_of(model.uncertainty.bench));
+  const optics::ChainBelief belief =
+      model.chain ? model.chain->belief
+                  : optics::prior_belief(nominal_chain(model), sigmas_of(model.uncertainty.bench));
+  // Independent shifts: C = L L'.
+  const Eigen::MatrixXd apart = belief.covariance.llt().matrixL();
   std::array<Eigen::Matrix3Xd, 2> moved;
   for (std::size_t k = 0; k < 2; ++k) {
     const optics::RobotPlace place{{0, 0, kHeights[k]}, {1, 0, 0}, model.top_image.center_px};
@@ -147,7 +157,7 @@ BenchShifts bench_shifts(const RigModel& model) {
     const auto doubt = optics::position_doubt(
         belief, place, {seen.ellipse.vector(), seen.covariance}, optics::PositionFit::thesis);
     if (!doubt) return {};
-    moved[k] = doubt->by_theta;
+    moved[k] = doubt->by_theta * apart;
   }
   // A depth that is off by a + b z is that of a viewpoint v + dv and a scale 1 + s with b = -s and
   // a = v s - dv (optics/analysis/depth_doubt).

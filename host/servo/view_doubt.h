@@ -31,7 +31,8 @@ enum class ViewCalibration {
   eye,    // the numbers of its eye, by table 5.1 (optics/chain/eye_look)
 };
 
-/// m: how well the retina's depth is known; of an eye that is known by table 5.1 alone, by MRI.
+/// m: how well the retina's depth is known; of an eye that is known by table 5.1 alone, by MRI; of
+/// one that landings have measured 0, since heights are counted from there.
 double retina_sigma(const RigModel& model);
 
 /// Where bench and microscope may stand (model.uncertainty.bench), to first order: what it does to
@@ -40,11 +41,13 @@ struct BenchShifts {
   std::vector<optics::ViewpointShift> along{};
   double aside = 0;
 };
-/// Nothing where the view does not show the eye's axis.
+/// Of a measured chain all that is uncertain of it, the robot's size included. Nothing where the
+/// view does not show the eye's axis.
 BenchShifts bench_shifts(const RigModel& model);
 
-/// What the rig says that it does not know of bench, camera and robot (model.uncertainty), and of
-/// an eye that is known no better than thesis table 5.1 (keep_out.eye) that table too.
+/// What a measured chain leaves, else what the rig says that it does not know of bench, camera and
+/// robot (model.uncertainty), and of an eye that is known no better than thesis table 5.1
+/// (keep_out.eye) that table too.
 class ViewDoubt {
  public:
   /// `calibrated`: the model was put right by one look at the robot on the retina
@@ -60,7 +63,16 @@ class ViewDoubt {
                                             const vision::EllipseMeasurement& seen,
                                             bool estimated_axis, double axis_sigma) const;
 
+  /// Whether positions are found by a measured chain and not by the centered optics.
+  bool measured() const { return measured_; }
+  /// The position in the nominal eye's frame by the measured chain, near `start`, weighed by
+  /// outline and axis. Nothing where that chain does not show it.
+  std::optional<Eigen::Vector3d> located(const Eigen::Vector3d& start, const Eigen::Vector3d& axis,
+                                         const vision::EllipseMeasurement& seen,
+                                         double axis_sigma) const;
+
  private:
+  bool measured_ = false;
   optics::ChainBelief belief_;
 };
 

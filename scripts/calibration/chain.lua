@@ -3,6 +3,8 @@
 -- SPDX-License-Identifier: Apache-2.0
 local statistics = require "analysis.statistics"
 local units = require "units"
+local files = require "files"
+local json = require "json"
 local um, mm = units.um, units.mm
 local chain = {}
 
@@ -214,6 +216,37 @@ function chain.report(run, made)
     run:note(("%d chains explain the session equally: their difference is in every uncertainty"):format(#made.minima))
   end
   if #made.unobserved > 0 then run:note("not observed: " .. table.concat(made.unobserved, ", ")) end
+end
+
+--- Writes what a calibration found to chain.json in the run's folder, as the rig's model.chain takes it, and installs it where
+--- the rig names a file for that. `touched`: landings on the retina are in it; else a side camera's places. It is in force from
+--- the next start on, for this eye and this robot, while the rig believes the same of scale and microscope.
+function chain.install(rig, run, calibrated, touched)
+  local model, parameters = rig:model(), {}
+  for i, one in ipairs(calibrated:parameters()) do
+    parameters[i] = { name = one.parameter, off = one.off, sigma = one.prior_sigma }
+  end
+  local distance, tilt = model.microscope.pupil_distance, model.microscope.tilt
+  local about = {
+    eye = model.eye_name,
+    robot = model.robot_name,
+    pixel = model.pixel,
+    center = { model.center_px[1], model.center_px[2] },
+    pupil_power = distance and 1 / distance or 0,
+    tilt = { tilt[1], tilt[2] },
+  }
+  files.write(
+    "chain.json",
+    json.text {
+      about = about,
+      eye = model.eye_id,
+      touched = touched,
+      parameters = parameters,
+      covariance = calibrated:covariance(),
+    } .. "\n"
+  )
+  local installed = run:install_calibration { values = {}, files = { ["model.chain"] = "chain.json" } }
+  if installed then run:note("the next start locates by the chain that was measured, from " .. installed) end
 end
 
 --- Places in the workspace, evenly: `count` of a spiral within `reach` of the axis, from `low` to `high`, which are heights

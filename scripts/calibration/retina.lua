@@ -112,6 +112,35 @@ function retina.calibrate(rig, run, servo, options)
   return told
 end
 
+--- A protocol's parameter `calibrate`: whether the robot is looked at on the retina before it works. `when`: of "auto".
+function retina.parameter(when)
+  return {
+    choices = { "auto", "yes", "no" },
+    default = "auto",
+    help = "on the retina, before, as in thesis 6.2; auto: " .. when .. " the bench was set up by hand",
+  }
+end
+
+--- Whether the top camera looks through an eye whose bench counts as set up by hand.
+function retina.by_hand(rig)
+  local model = rig:model()
+  return rig.top_camera ~= nil and not model.plain_view and model.uncertainty.bench.places == "by_hand"
+end
+
+--- By how much a square's center is higher there: a look in the middle of the retina tells nothing of where the picture stands
+--- aside, 0.8 mm of such a bench, which at the corners is 0.3 mm of distance to the retina, one sigma (docs/safety.md).
+function retina.room(rig) return vector(0, 0, retina.by_hand(rig) and 0.5 * mm or 0) end
+
+--- Whether to look, by that parameter; says why in the record where the bench is why. Where the retina of a bench that was set up
+--- by hand stands is known to 0.3 mm, and what the robot's size in the image says of its height to as much again: near it a loop
+--- has to have seen the robot lying on it (docs/safety.md). `otherwise`: another reason to look.
+function retina.wanted(rig, run, choice, otherwise)
+  if choice ~= "auto" or otherwise then return choice ~= "no" end
+  if not retina.by_hand(rig) then return false end
+  run:note "the bench counts as set up by hand: the robot is looked at on the retina first (calibrate=no: it is not)"
+  return true
+end
+
 --- A view for rig:servo, calibrated in a loop of its own (field, axis as rig:servo takes them; by_width as retina.calibrate
 --- does), with a picture called `snapshot` if it is given. The robot is taken out again.
 function retina.view(rig, run, background, options)

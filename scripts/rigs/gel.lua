@@ -9,7 +9,6 @@ return {
   model = {
     robot = "ndfeb_cylinder_1mm",
     medium = { name = "silicone oil", density = 970, kinematic_viscosity = 500 * cSt },
-    uncertainty = { bench = { places = "known" } }, -- as simulated.lua
   },
   coils = { driver = "usb3103", address = "emulated", amperes_per_volt = 2, current_limit = 12 * units.A },
   pose_sensor = { driver = "simulated", frame_rate = 15 * Hz, latency = 80 * ms, noise = 0.3 * 14.3 * um },

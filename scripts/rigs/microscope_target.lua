@@ -9,7 +9,6 @@ return {
   base = "simulated",
   title = "Simulated microscope on a target",
 
-  model = { uncertainty = { bench = { places = "by_hand" } } },
   calibrations = { installed = { file = "microscope_target.json", valid_days = 90 } },
 
   top_camera = {

@@ -4,7 +4,6 @@
 return {
   base = "simulated",
   title = "Simulated OctoMag on a bench set up by hand",
-  model = { uncertainty = { bench = { places = "by_hand" } } },
   top_camera = { projection = "exact" },
   keep_out = { eye = "table_5_1" },
   truth = { machine = "sampled", optics = { bench = "sampled" } },

@@ -15,7 +15,6 @@ return {
     coil_delay = 50 * ms, -- from the loop's set point to the first change of current: link and amplifiers
     coil_bandwidth = 15 * Hz,
     medium = { name = "silicone oil", density = 970, kinematic_viscosity = 500 * cSt },
-    uncertainty = { bench = { places = "known" } }, -- truth.optics.bench is "believed": sampled_bench.lua has another
   },
 
   top_camera = {

@@ -63,6 +63,19 @@ int parameters(Call& call) {
   });
 }
 
+// Rows and columns in the order of parameters(), for a file that a rig's model.chain can name.
+int covariance(Call& call) {
+  const optics::ChainBelief& belief = chain_of(call).belief;
+  const auto& all = belief.chain.parameters();
+  std::vector<double> values;
+  for (Eigen::Index i = 0; i < belief.chain.size(); ++i)
+    for (Eigen::Index j = 0; j < belief.chain.size(); ++j)
+      values.push_back(belief.covariance(i, j) * all[static_cast<std::size_t>(i)].sigma *
+                       all[static_cast<std::size_t>(j)].sigma);
+  push_numbers(call.L, values);
+  return 1;
+}
+
 // By the most probable parameters, nominal or calibrated; the forward way of locate.
 int shown(Call& call) {
   const Chain& chain = chain_of(call);
@@ -261,6 +274,12 @@ const Class& viewing_chain_class() {
         "what may be off, and what is known of it",
         parameters,
         "chain:parameters()"},
+       {"covariance",
+        {},
+        "list of numbers",
+        "of the parameters, row by row, each in its own unit",
+        covariance,
+        "chain:covariance()"},
        {"ellipse",
         {options_of({{.name = "position", .type = Type::vector, .unit = "m", .help = "eye frame"},
                      {.name = "axis", .type = Type::direction, .help = "the body's z"}})},

@@ -5,11 +5,15 @@
 #include "host/lua/optics/classes.h"
 #include "host/lua/optics/localizer_calls.h"
 #include "host/lua/rig/bind_rig.h"
+#include "host/rig/bench_settings.h"
 #include "host/servo/robot_outline.h"
 #include "optics/system/prescriptions.h"
 
 #include <cmath>
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace vitreo::lua {
 namespace {
@@ -40,11 +44,33 @@ std::string moves_by(const control::Robot& robot) {
   return robot.tail ? "tail" : "gradient";
 }
 
-void set_uncertainty(ResultTable& table, const ViewUncertainty& known) {
+void set_uncertainty(ResultTable& table, const ViewUncertainty& known, bool measured) {
   table.number("size", known.size)
       .number("pixel", known.pixel)
       .number("tilt", known.tilt, "rad")
-      .number("eye", known.eye, "m");
+      .number("eye", known.eye, "m")
+      .table("bench", [&](ResultTable& bench) {
+        bench.text("places", measured ? "measured" : known.bench.by_hand ? "by_hand" : "known");
+        for (const BenchKey& key : bench_keys())
+          bench.number(key.name, known.bench.*key.sigma, std::string(key.bounds.unit).c_str());
+      });
+}
+
+ResultField uncertainty_fields() {
+  std::vector<ResultField> bench{
+      {"places", "",
+       "\"known\"; \"by_hand\": what was not measured is that of a bench set up by hand; "
+       "\"measured\": by the calibration that model.chain names"}};
+  for (const BenchKey& key : bench_keys())
+    bench.push_back({key.name, std::string(key.bounds.unit), key.help});
+  return {"uncertainty",
+          "",
+          "one sigma of what the rig file says of its own knowledge",
+          {{"size", "", "of the robot, relative"},
+           {"pixel", "", "of each camera's scale, relative"},
+           {"tilt", "rad", "of each camera"},
+           {"eye", "m", "of the eye's place along each axis"},
+           {"bench", "", "of eye, condensing lens and microscope", std::move(bench)}}};
 }
 
 // The believed numbers alone, in the terms that optics and vision take; nothing here reads the
@@ -83,7 +109,13 @@ int rig_model(Call& call) {
                    .number("moment", model.robot.moment_factor)
                    .flag("hard", model.robot.hard);
              })
-      .table("uncertainty", [&](ResultTable& known) { set_uncertainty(known, model.uncertainty); })
+      .table("uncertainty",
+             [&](ResultTable& known) {
+               set_uncertainty(known, model.uncertainty, model.chain != nullptr);
+             })
+      .flag("plain_view", model.plain_view)
+      .text("eye_name", model.eye_name)
+      .text("eye_id", model.eye_id)
       .text("robot_name", model.robot.name)
       .text("robot_moves_by", moves_by(model.robot))
       .text("focus_axis", model.focus_axis)
@@ -125,13 +157,10 @@ Returned model_fields() {
              {"drag_across", "", ""},
              {"moment", "", ""},
              {"hard", "", "whether it is a permanent magnet"}}},
-           {"uncertainty",
-            "",
-            "one sigma of what the rig file says of its own knowledge",
-            {{"size", "", "of the robot, relative"},
-             {"pixel", "", "of each camera's scale, relative"},
-             {"tilt", "rad", "of each camera"},
-             {"eye", "m", "of the eye's place along each axis"}}},
+           uncertainty_fields(),
+           {"plain_view", "", "whether the top camera looks without an eye"},
+           {"eye_name", "", "of the prescription that it believes"},
+           {"eye_id", "", "of the eye that is there, as sample.eye of the rig file says"},
            {"robot_name", "", ""},
            {"robot_moves_by", "",
             "\"gradient\"; or by a field that turns (\"helix\"), that oscillates (\"tail\")"},

@@ -33,7 +33,7 @@ RigDescription rig_of(const ApproachSetting& setting) {
   // as an ellipsoid is believed to be one, as by the rig "ellipsoid".
   if (setting.upright) {
     truth["drawn_as"] = ConfigValue{std::string("ellipsoid")};
-    description.table["model"] = model_of_known_bench({{"shape", {"ellipsoid"}}});
+    description.table["model"] = ConfigValue{ConfigTable{{"shape", {"ellipsoid"}}}};
   }
   if (setting.sampled_bench) {
     truth["optics"] = ConfigValue{ConfigTable{{"bench", {std::string("sampled")}}}};

@@ -23,18 +23,9 @@ class SilentListener : public ProgressListener {
   void message(const std::string&) override {}
 };
 
-/// A model of whose bench all places are known, with `more`.
-inline ConfigValue model_of_known_bench(ConfigTable more = {}) {
-  const ConfigTable bench{{"places", {std::string("known")}}};
-  more["uncertainty"] = ConfigValue{ConfigTable{{"bench", {bench}}}};
-  return ConfigValue{more};
-}
-
-/// Its bench stands as believed, and it says so.
 inline RigDescription whole_rig() {
   RigDescription description;
   description.file = "test rig";
-  description.table["model"] = model_of_known_bench();
   for (const char* role :
        {"top_camera", "side_camera", "coils", "lens_mover", "pose_sensor", "sample"})
     description.table[role] = ConfigValue{ConfigTable{}};

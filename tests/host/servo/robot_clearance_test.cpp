@@ -169,6 +169,28 @@ TEST(RobotClearance, OfABenchSetUpByHandHasTheRetinasDepthUntilTheRobotWasSeenOn
   EXPECT_LT(uncertainty(by_hand, settings), 0.4 * before);
 }
 
+// The way out is in the refusal, where a look would be one.
+TEST(RobotClearance, WhatIsRefusedOfABenchSetUpByHandSaysThatALookWouldHelp) {
+  RigModel by_hand = TestBench().roles().model;
+  by_hand.uncertainty.bench = {};
+  ServoSettings settings;
+  settings.feedback = Feedback::one_camera;
+  const auto said = [](const RigModel& model, const ServoSettings& with) {
+    return refusal([&] {
+      RobotClearance(model, with.clearance_belief())
+          .check(control::Trajectory::hold_at({0, 0, -4.4e-3}));
+    });
+  };
+  const std::string advice = "a look at the robot that lies on the retina";
+  EXPECT_NE(said(by_hand, settings).find(advice), std::string::npos) << said(by_hand, settings);
+  EXPECT_EQ(said(by_hand, by_pose()).find(advice), std::string::npos) << "no camera looks";
+  RigModel known = by_hand;
+  known.uncertainty.bench = BenchUncertainty::none();
+  EXPECT_EQ(said(known, settings).find(advice), std::string::npos);
+  settings.view.image_scale = 1.01;
+  EXPECT_EQ(said(by_hand, settings).find(advice), std::string::npos) << "it was looked at";
+}
+
 TEST(RobotClearance, TheMarginOfTheRigFileIsReadWithItsBounds) {
   EXPECT_EQ(TestBench(1, {}, rig_with_margin(0.35e-3)).roles().model.keep_out.margin, 0.35e-3);
   EXPECT_THROW(TestBench(1, {}, rig_with_margin(-1e-4)), ConfigError);

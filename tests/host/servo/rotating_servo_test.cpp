@@ -16,7 +16,7 @@ constexpr double kAtRest = 2e-4;  // V: half a count of the converter
 
 RigDescription swimming_rig() {
   RigDescription description = whole_rig();
-  description.table["model"] = model_of_known_bench({{"robot", {"helix_2mm"}}});
+  description.table["model"] = ConfigValue{ConfigTable{{"robot", {"helix_2mm"}}}};
   return description;
 }
 

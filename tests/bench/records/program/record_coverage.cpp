@@ -1,13 +1,13 @@
 // Coverage of what a loop's localizer states of its positions, on drawn benches: pictures of a
 // robot at known places, located as the servo does. Usage: record_coverage BENCHES [PLACES
-// [FIRST_SEED [sampled|believed [known|table_5_1 [told|untold]]]]]. untold: a rig that says that
-// its bench is known.
+// [FIRST_SEED [sampled|believed [known|table_5_1 [told|untold [measured]]]]]]. untold: a rig that
+// says that its bench is known; measured: after a calibration by both cameras, too.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/believed_view.h"
 #include "host/servo/localizer.h"
 #include "optics/calibration/camera_calibration.h"
 #include "optics/chain/eye_look.h"
-#include "tests/bench/records/drawn_bench.h"
+#include "tests/bench/records/measured_bench.h"
 
 #include <Eigen/Dense>
 
@@ -36,6 +36,7 @@ struct Tally {
   std::vector<double> squares{};
   std::vector<std::size_t> begins{};  // of each bench in them
   int lost = 0;
+  bool measured = false;  // the chain by both cameras beforehand, 30 places
 };
 
 double quantile(std::vector<double> values, double part) {
@@ -168,8 +169,10 @@ std::vector<Place> places_of(DrawnBench& bench, int count, std::mt19937_64& rand
   return places;
 }
 
-void take(DrawnBench& bench, const std::vector<Place>& places, bool told, Tally& tally) {
-  const auto model = corrected(bench, tally.calibrated, told);
+void take(DrawnBench& bench, const std::vector<Place>& places, bool told, std::uint64_t seed,
+          Tally& tally) {
+  const auto model =
+      tally.measured ? measured_model(bench, 30, seed) : corrected(bench, tally.calibrated, told);
   if (!model) {
     tally.lost += static_cast<int>(places.size());
     return;
@@ -209,13 +212,18 @@ int main(int argc, char** argv) {
                          {"axis estimated, not calibrated", 0.07, ViewCalibration::none},
                          {"axis estimated, scale", 0.07, ViewCalibration::scale},
                          {"axis estimated, eye", 0.07, ViewCalibration::eye}};
+  if (argc > 7 && std::strcmp(argv[7], "measured") == 0) {
+    all.push_back({"axis taken, chain measured", 0, ViewCalibration::none});
+    all.push_back({"axis estimated, chain measured", 0.07, ViewCalibration::none});
+    all[4].measured = all[5].measured = true;
+  }
   for (int k = 0; k < benches; ++k) {
     const auto seed = static_cast<std::uint64_t>(first + k);
     DrawnBench bench(kind, seed);
     std::mt19937_64 random(seed * 6364136223846793005ULL + 1);
     const auto shown = places_of(bench, places, random);
     for (Tally& tally : all) try {
-        take(bench, shown, told, tally);
+        take(bench, shown, told, seed, tally);
       } catch (const std::exception& problem) {
         std::printf("bench %d: %s: %s\n", first + k, tally.name.c_str(), problem.what());
         tally.lost += places;

@@ -4,6 +4,7 @@
 #include "host/config/config.h"
 #include "host/engine/rehearsal.h"
 #include "host/lua/engine/engine.h"
+#include "host/rig/rig_settings.h"
 #include "tests/host/rig/fake_rig.h"
 
 #include <gtest/gtest.h>
@@ -85,6 +86,47 @@ TEST_P(LaboratoryProtocols, PassTheDryRunOrSayThatTheyAreForSimulatedRigs) {
     EXPECT_NE(problem.find(missing->second), std::string::npos) << problem;
   else
     EXPECT_EQ(problem, "");
+}
+
+BenchUncertainty bench_of(const std::string& rig) {
+  const auto engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+  const RigDescription description =
+      engine->load_rig(std::string(VITREO_SOURCE_DIR "/scripts/rigs/") + rig + ".lua");
+  ConfigReader reader(description);
+  return read_rig_settings(reader).model.uncertainty.bench;
+}
+
+TEST(LaboratoryBench, OfTheShippedRigsThoseWithARealEyeOrADrawnBenchAreSetUpByHand) {
+  for (const char* rig : {"simulated", "gel", "plain_sight", "octomag_lab_bench", "fast"})
+    EXPECT_FALSE(bench_of(rig).by_hand) << rig;
+  for (const char* rig : {"sampled_bench", "microscope_target", "octomag_lab", "octomag_lab_focus"})
+    EXPECT_TRUE(bench_of(rig).by_hand) << rig;
+}
+
+/// The dry run of a short hold and its square, as far as s of wall time take it.
+PreflightReport check_hold(const std::string& calibrate) {
+  const auto engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+  const TemporaryFolder folder;
+  RunRequest request;
+  request.what.protocol_file = VITREO_SOURCE_DIR "/protocols/hold.lua";
+  request.what.arguments = {"settle=0.5s", "hold=1s", "speed=2mm/s", "compare=false",
+                            "calibrate=" + calibrate};
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/octomag_lab.lua";
+  request.where.out = (folder.path() / "runs").string();
+  PreflightLimits limits;
+  limits.wall = 120;
+  return preflight(*engine, request, limits);
+}
+
+TEST(LaboratoryBench, OfOneSetUpByHandHoldGoesNearTheRetinaOnlyWhenTheRobotWasSeenOnIt) {
+  const PreflightReport looked = check_hold("auto");
+  EXPECT_TRUE(looked.passed()) << looked.problems.front();
+  const PreflightReport not_looked = check_hold("no");
+  ASSERT_FALSE(not_looked.passed());
+  const std::string& problem = not_looked.problems.front();
+  EXPECT_NE(problem.find("is out of reach"), std::string::npos) << problem;
+  EXPECT_NE(problem.find("a look at the robot that lies on the retina"), std::string::npos)
+      << problem;
 }
 
 INSTANTIATE_TEST_SUITE_P(Shipped, LaboratoryProtocols, testing::ValuesIn(shipped_protocols()),
