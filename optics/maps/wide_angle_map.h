@@ -57,10 +57,10 @@ struct AerialPoint {
 /// to lie on it.
 class WideAngleMap {
  public:
-  /// Where bundles are vignetted, or the table would be off by more than 0.5 um (of a symmetric system
-  /// by its own estimate, which was exceeded by half where few nodes were asked for), it ends:
-  /// max_angle() may be less than asked. Throws std::invalid_argument for bad arguments, for a bare
-  /// sensor and no stop, or when not even a tenth of the angle is left.
+  /// Where bundles are vignetted, or the table would be off by more than 0.5 um (of a symmetric
+  /// system by its own estimate, which was exceeded by half where few nodes were asked for), it
+  /// ends: max_angle() may be less than asked. Throws std::invalid_argument for bad arguments, for
+  /// a bare sensor and no stop, or when not even a tenth of the angle is left.
   explicit WideAngleMap(const System& system, const WideAngleSettings& settings = {});
 
   /// Nothing for a point that is behind the retina, in the lens, outside the table, where one image

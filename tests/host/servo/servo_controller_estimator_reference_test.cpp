@@ -5,6 +5,7 @@
 #include "host/servo/servo_controller.h"
 
 #include <Eigen/Core>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
@@ -201,6 +202,80 @@ TEST(ServoControllerEstimatorReference, steps_are_those_of_filter_schedule_and_l
     time += 0.047 + 0.004 * (k % 3);
     if (HasFailure()) FAIL() << "step " << k;
   }
+}
+
+// A robot that is carried along at 0.3 mm/s: told to stay where it is, it is told what cancels
+// that.
+TEST(ServoControllerEstimatorReference, to_cancel_is_to_command_against_the_disturbance) {
+  Reference reference;
+  ServoController controller(reference.model, reference.settings);
+  const ReferencePath path = general_path();
+  double time = 5.3;
+  for (int k = 0; k < 24; ++k, time += 0.05) {
+    const ControlMode mode = k < 20 ? ControlMode::follow : ControlMode::cancel;
+    const Vector3d carried = 0.3e-3 * (time - 5.3) * Vector3d(0.6, 0, 0.8);
+    const auto seen = measured(time, somewhere(k, time) + carried);
+    const ControlStep step = controller.step(time + 0.091, seen, path, mode);
+    reference.tuning = *controller.tuning();
+    reference.step(time + 0.091, seen, path);
+    if (mode == ControlMode::cancel) {
+      const Vector3d wanted = -reference.ahead.disturbance / (1 + reference.ahead.gain);
+      EXPECT_GT(wanted.norm(), 0.05e-3);
+      EXPECT_LT((step.commanded - wanted).norm(), 1e-12) << k;
+      EXPECT_EQ(step.correction, Vector3d(0, 0, 0));
+      break;  // the schedule of a path that stands still is another one from here on
+    }
+    reference.filter->command(time + 0.091, step.commanded);
+  }
+}
+
+// "The loop of the direction in which the filter corrects most", with the delay that it found.
+TEST(ServoControllerEstimatorReference, its_margins_are_those_of_the_loop_that_is_believed) {
+  ServoController controller(general_model(), general_settings());
+  EXPECT_FALSE(controller.margins());
+  double time = 5.3;
+  for (int k = 0; k < 30; ++k, time += 0.05)
+    controller.step(time + 0.09, measured(time, somewhere(k, time)), general_path(),
+                    ControlMode::follow);
+  const auto margins = controller.margins();
+  ASSERT_TRUE(margins);
+  const control::LoopIdentity known = controller.tuning()->loop;
+  const Matrix3d velocity = controller.estimator()->velocity_gain();
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> squares(velocity.transpose() * velocity);
+  const Vector3d from = squares.eigenvectors().col(2);
+  const Vector3d to = (velocity * from).normalized();
+  control::SampledLoop loop;
+  loop.period = general_settings().period;
+  loop.latency = known.measurement_latency;
+  ASSERT_NE(margins->estimate.delay, 0);
+  loop.command_delay = 37e-3 + margins->estimate.delay;
+  loop.command_lag = 1 / (2 * M_PI * 11);
+  loop.horizon = loop.command_delay + loop.command_lag;
+  loop.proportional = margins->schedule.proportional;
+  loop.velocity_gain = std::sqrt(squares.eigenvalues()[2]);
+  loop.position_gain = to.dot(controller.estimator()->position_gain() * from);
+  const control::LoopMargins wanted = control::loop_margins(loop);
+  EXPECT_NEAR(margins->margins.gain_up, wanted.gain_up, 1e-6 * wanted.gain_up);
+  EXPECT_NEAR(margins->margins.delay_more, wanted.delay_more, 1e-6);
+}
+
+// A robot that goes four times as far as it is told: beyond what the filter lets its gain be.
+TEST(ServoControllerEstimatorReference, a_gain_beyond_its_bound_is_told) {
+  ServoController controller(general_model(), general_settings());
+  Vector3d place = general_path().at(5.3).position;
+  double time = 5.3;
+  int at_bound = 0;
+  for (int k = 0; k < 120; ++k, time += 0.05) {
+    const ControlStep step =
+        controller.step(time + 0.09, measured(time, place), general_path(), ControlMode::follow);
+    ASSERT_NE(controller.estimator(), nullptr);
+    EXPECT_EQ(step.at_bound, controller.estimator()->at_bound()) << k;
+    at_bound += step.at_bound ? 1 : 0;
+    ASSERT_TRUE(step.estimate);
+    place += 0.05 * 4 * step.estimate->commanded;
+  }
+  EXPECT_GT(at_bound, 0);
+  EXPECT_LT(at_bound, 120);
 }
 
 TEST(ServoControllerEstimatorReference, gain_and_largest_speed_may_be_given) {

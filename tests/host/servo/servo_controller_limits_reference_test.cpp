@@ -230,7 +230,10 @@ TEST(ServoControllerLimitsReference, settings_that_make_no_sense_are_refused) {
     EXPECT_NE(refusal(law, [&](S& s) { s.proportional = bad; }), "") << bad;
     EXPECT_NE(refusal(law, [&](S& s) { s.max_speed = bad; }), "") << bad;
   }
-  EXPECT_NE(refusal(law, [](S& s) { s.total_limit = kInfinity; }), "");
+  for (const double bad : {0.0, -1.0, kNan, kInfinity})
+    EXPECT_EQ(refusal(law, [&](S& s) { s.total_limit = bad; }).substr(0, 12), "total_limit:")
+        << bad;
+  EXPECT_EQ(refusal(law, [](S& s) { s.total_limit = 0.5; }), "");
   EXPECT_NE(refusal(law, [](S& s) { s.period = kInfinity; }), "");
 }
 

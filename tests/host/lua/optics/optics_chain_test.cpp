@@ -56,7 +56,7 @@ TEST_F(OpticsChain, PlacesThatASideCameraSawCalibrateIt) {
       "vector(10*um, 10*um, 10*um) looks[i] = look end\n"
       "local made = chain:calibrate { looks = looks, starts = 1 }\n"
       "assert(made.chi2 < 1 and #made.minima == 1 and #made.unobserved > 5)\n"
-      "local all, c = made.chain:parameters(), made.chain:covariance() assert(#c == #all ^ 2)\n"
+      "local all, c = made.chain:parameters(), made.chain:covariance() assert(#c == #all * #all)\n"
       "for i, one in ipairs(all) do assert(math.abs(c[(i - 1) * #all + i] / one.sigma ^ 2 - 1) < "
       "1e-9, one.parameter) assert(math.abs(c[i] - c[(i - 1) * #all + 1]) < 1e-12) end\n"
       "local seen = chain:ellipse({ position = place, axis = { 1, 0, 0 } })\n"
