@@ -235,16 +235,13 @@ function chain.install(rig, run, calibrated, touched)
     pupil_power = distance and 1 / distance or 0,
     tilt = { tilt[1], tilt[2] },
   }
-  files.write(
-    "chain.json",
-    json.text {
-      about = about,
-      eye = model.eye_id,
-      touched = touched,
-      parameters = parameters,
-      covariance = calibrated:covariance(),
-    } .. "\n"
-  )
+  files.write("chain.json", json.text {
+    about = about,
+    eye = model.eye_id,
+    touched = touched,
+    parameters = parameters,
+    covariance = calibrated:covariance(),
+  } .. "\n")
   local installed = run:install_calibration { values = {}, files = { ["model.chain"] = "chain.json" } }
   if installed then run:note("the next start locates by the chain that was measured, from " .. installed) end
 end
