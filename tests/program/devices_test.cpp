@@ -124,6 +124,20 @@ TEST(Emulate, OffersPortsAndACameraThatAnyProgramCanOpenUntilCtrlC) {
   EXPECT_FALSE(std::filesystem::exists(node));
 }
 
+/// A camera from which a frame has come. The process that is to be the camera must have had its
+/// turn by then: on a machine that has no time for it the camera is silent, rightly.
+std::unique_ptr<Camera> open_and_grab(const genicam::Settings& wanted, Clock& clock) {
+  for (int more = 3;; --more) {
+    auto camera = genicam::open(wanted, clock);
+    try {
+      camera->grab(10s);
+      return camera;
+    } catch (const DeviceError&) {
+      if (more == 0 || !machine_is_busy()) throw;
+    }
+  }
+}
+
 TEST(Emulate, AKilledCameraProcessIsALostCameraAndOneThatIsBackOpensAgain) {
   const GigePort port;
   const Workplace place;
@@ -136,8 +150,7 @@ TEST(Emulate, AKilledCameraProcessIsALostCameraAndOneThatIsBackOpensAgain) {
   wanted.frame_rate = 20;
   auto emulate = std::make_unique<Emulate>(place, "rig.lua");
   ASSERT_EQ(emulate->offers("top_camera").count("top_camera"), 1U) << place.read("told");
-  auto camera = genicam::open(wanted, *clock);
-  camera->grab(10s);
+  auto camera = open_and_grab(wanted, *clock);
   emulate->kill();
   const Time killed = clock->now();
   try {
@@ -152,8 +165,7 @@ TEST(Emulate, AKilledCameraProcessIsALostCameraAndOneThatIsBackOpensAgain) {
   emulate = std::make_unique<Emulate>(place, "rig.lua");
   ASSERT_EQ(emulate->offers("top_camera").count("top_camera"), 1U) << place.read("told");
   camera.reset();
-  camera = genicam::open(wanted, *clock);
-  EXPECT_EQ(camera->grab(10s).image.rows, 240);
+  EXPECT_EQ(open_and_grab(wanted, *clock)->info().height_px, 240);
 }
 
 TEST(Devices, ListsTheRolesOfTheSimulatedRigAsJson) {

@@ -101,7 +101,7 @@ struct Context {
   struct Nested {  // a protocol that runs inside of a statement: what it defers and opens ends with
                    // it
     std::size_t deferred = 0, closers = 0;
-    std::map<std::string, std::string> files;  // that it wrote: as it named them, as they are called
+    std::map<std::string, std::string> files;  // that it wrote, by its own names for them
   };
   std::optional<Nested> nested;
 };
