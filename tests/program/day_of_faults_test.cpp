@@ -46,22 +46,27 @@ constexpr std::array<Fault, 21> kFaults{{
     {"pose_sensor", "unplugged"},
     {"pose_sensor", "alternating"},
 }};
-constexpr double kPause = 15;   // s, in which a fault of the run before passes
 constexpr double kMoment = 24;  // s, until which a fault begins
+constexpr double kLongest = 5;  // s, that it lasts
+constexpr double kPause = 15;   // s, in which the rig rests
 
-/// Statement `number`: what the coils carry after the pause; then a hold, with a fault or not.
+/// Statements for run `number`: until the last fault has passed, which may abort the first of them;
+/// what the coils carry after a pause; then a hold, with a fault or not.
 std::string statements(int number, const Fault* fault, std::mt19937& random) {
   std::uniform_real_distribution<double> unit;
+  const double after = fault == nullptr ? 0 : kMoment * unit(random);
+  const double lasting = fault == nullptr ? 0 : 0.05 + (kLongest - 0.05) * unit(random);
   std::ostringstream text;
+  if (number == 1) text << "over = 0\n";
+  for (int k = 0; k < 3; ++k) text << "if over > run:now() then run:wait(over - run:now()) end\n";
   text << "do run:wait(" << kPause
        << ") local most = 0 for _, i in ipairs(rig.coils:currents()) do "
        << "most = math.max(most, math.abs(i)) end print('REST', " << number
        << ", run:now() // 1, most) rig.coils:enable() end\n";
-  text << "do ";
+  text << "do over = run:now() + " << after + lasting << " ";
   if (fault != nullptr) {
     text << "rig.simulation:fault('" << fault->role << "', '" << fault->kind
-         << "', { after = " << kMoment * unit(random)
-         << ", lasting = " << 0.05 + (kPause - 10) * unit(random);
+         << "', { after = " << after << ", lasting = " << lasting;
     if (fault->of_a_channel) text << ", channel = " << 1 + static_cast<int>(8 * unit(random));
     text << " }) ";
   }
