@@ -81,7 +81,10 @@ void FaultInjector::add(const Fault& fault) {
       throw std::invalid_argument(fmt::format("channel: there are 1 to {}", coils));
   }
   const FaultKind& kind = kind_of(fault);
-  const std::string name = fmt::format("fault {} {} {}", tasks_.size() + 1, fault.role, fault.kind);
+  // One that is over keeps its thread's stack until it is joined: of a day at the prompt, a
+  // thousand.
+  std::erase_if(tasks_, [](const std::unique_ptr<Task>& task) { return task->done(); });
+  const std::string name = fmt::format("fault {} {} {}", ++number_, fault.role, fault.kind);
   tasks_.push_back(context_.clock.spawn(name, [this, fault, &kind] { run(fault, kind); }));
 }
 

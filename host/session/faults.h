@@ -68,6 +68,7 @@ class FaultInjector {
   void fill_disk();
 
   Context context_;
+  int number_ = 0;  // of the newest task
   std::vector<std::unique_ptr<Task>> tasks_;
 };
 

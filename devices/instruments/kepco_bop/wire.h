@@ -6,6 +6,7 @@
 
 #include "devices/links/scpi.h"
 
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <cstdio>
@@ -45,7 +46,7 @@ inline std::optional<Identity> decode_identity(std::string_view answer) {
     const std::string name = scpi::trimmed(answer.substr(0, revision));
     who = Identity{name, "", ""};
     if (revision != std::string_view::npos)
-      who->firmware = scpi::trimmed(answer.substr(revision + 5));
+      who->firmware = scpi::trimmed(answer.substr(std::min(revision + 5, answer.size())));
   }
   if (!who || who->name.rfind("KEPCO", 0) != 0 ||
       (who->name.find("BOP") == std::string::npos && who->name.find("BIT") == std::string::npos))

@@ -34,6 +34,9 @@ TEST(ScpiWire, ReadsAnIdentityAndAnError) {
   ASSERT_TRUE(who);
   EXPECT_EQ(to_string(*who), "KEPCO BOP 36-12MG, serial A123456, firmware 1.74");
   EXPECT_FALSE(scpi::identity("KEPCO"));
+  // Found by identification_fuzz: nothing behind "REV".
+  EXPECT_EQ(kepco_bop::decode_identity("KEPCO BIT REV")->firmware, "");
+  EXPECT_EQ(kepco_bop::decode_identity("KEPCO BOP BIT232 REV. 3.1")->firmware, "3.1");
   EXPECT_FALSE(scpi::identity("@01 0 RJ\x02,"));
   EXPECT_EQ(scpi::error("-222,\"Data out of range\"")->code, -222);
   EXPECT_EQ(scpi::error("0,\"No error\"")->text, "\"No error\"");
