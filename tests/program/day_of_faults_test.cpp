@@ -50,15 +50,20 @@ constexpr double kMoment = 24;  // s, until which a fault begins
 constexpr double kLongest = 5;  // s, that it lasts
 constexpr double kPause = 15;   // s, in which the rig rests
 
-/// Statements for run `number`: until the last fault has passed, which may abort the first of them;
-/// what the coils carry after a pause; then a hold, with a fault or not.
+/// As often as an amplifier that does not answer may abort a wait, each after a twentieth of a
+/// second or more.
+constexpr int kWaits = 120;
+
+/// Statements for run `number`: waits until the last fault has passed, which may abort them; what
+/// the coils carry after a pause; then a hold, with a fault or not.
 std::string statements(int number, const Fault* fault, std::mt19937& random) {
   std::uniform_real_distribution<double> unit;
   const double after = fault == nullptr ? 0 : kMoment * unit(random);
   const double lasting = fault == nullptr ? 0 : 0.05 + (kLongest - 0.05) * unit(random);
   std::ostringstream text;
   if (number == 1) text << "over = 0\n";
-  for (int k = 0; k < 3; ++k) text << "if over > run:now() then run:wait(over - run:now()) end\n";
+  for (int k = 0; k < kWaits; ++k)
+    text << "if over > run:now() then run:wait(over - run:now()) end\n";
   text << "do run:wait(" << kPause
        << ") local most = 0 for _, i in ipairs(rig.coils:currents()) do "
        << "most = math.max(most, math.abs(i)) end print('REST', " << number
