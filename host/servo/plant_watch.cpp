@@ -45,8 +45,8 @@ constexpr double kPlantGone = 0.15;
 constexpr int kPlantStoodFor = 4;  // measurements in a row
 // s: windows over which what was told is held against what was seen, without their straight lines.
 constexpr std::array kPlantBends{0.6, 0.8, 1.0, 1.25, 1.5};
-constexpr double kPlantLags = 3;  // of the coils, until the first currents flow
 constexpr double kPlantLeastBentSpan = 0.5;
+constexpr double kPlantLags = 3;  // of the coils, until the first currents flow
 // m, rms: of what was told, beyond a straight line, that says something. A robot that is held in
 // place against a drift that changes is told as much and stands: docs/reliability.md.
 constexpr double kPlantBent = 20e-6;

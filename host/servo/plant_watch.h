@@ -15,9 +15,10 @@
 namespace vitreo {
 
 /// A test of hypotheses over windows of 0.1 to 1 s, of any control law: the motion that is left
-/// over when the believed one and the drift of the seconds before are taken off. It is a fault
-/// where it is beyond what noise, drag and gain explain, and a failing amplifier or coil explains
-/// it. Slow deviations are not its business (LoopWatch), nor is a robot that touches a wall.
+/// over when the believed one is taken off, and what the seconds before left over, as a drift or as
+/// another response. It is a fault where it is beyond what noise, drag and gain explain, and a
+/// failing amplifier or coil explains it. Slow deviations are not its business (LoopWatch), nor is
+/// a robot that touches a wall.
 class PlantWatch {
  public:
   /// The model is borrowed.
