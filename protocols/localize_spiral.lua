@@ -114,8 +114,8 @@ local function rows(run, book, found, number, p)
         thesis = thesis[axis][k],
         ours = ours[k],
         unit = "m",
-        error = p.eye == "perturbed" and axis == "z" and "eyes off by table 5.1, calibration, pixels, tracker" or nil,
-        why = p.eye ~= "perturbed" and "the eye is as believed"
+        error = eyes.differs(p.eye) and axis == "z" and "eyes off by table 5.1, calibration, pixels, tracker" or nil,
+        why = not eyes.differs(p.eye) and "the eye is as believed"
           or axis == "x" and "judged by the truth, in the thesis by a side camera that has to be registered: not the same error"
           or nil,
       }
@@ -274,7 +274,7 @@ return {
     local book = expect.book(run, "5.5")
     local sphere = rig:model().robot_name:find "sphere"
     local asked = sphere and { "sphere" } or p.orientation == "both" and { "x", "z" } or { p.orientation }
-    local count = rig.simulation and p.eye == "perturbed" and p.eyes or 1
+    local count = rig.simulation and eyes.differs(p.eye) and p.eyes or 1
     for orientation in run:each(asked, "orientation") do
       local found, failed, numbers, problem = {}, 0, {}, nil
       for number in run:each(count, "eye") do
@@ -305,7 +305,7 @@ return {
       if #found == 0 then error("in no eye the robot was localized along its spiral: " .. problem, 0) end
       rows(run, book, found, experiments[orientation], p)
       goals(run, book, found, failed, count, orientation)
-      if rig.simulation and p.eye == "perturbed" then eyes_part(rig, p, run, book, found, numbers, orientation) end
+      if rig.simulation and eyes.differs(p.eye) then eyes_part(rig, p, run, book, found, numbers, orientation) end
     end
     book:close()
   end,

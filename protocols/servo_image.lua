@@ -115,7 +115,7 @@ return {
   },
   run = function(rig, p, run)
     rig.sample:remove_robot()
-    local truth = p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw) or nil
+    local truth = eyes.differs(p.eye) and eyes.set(rig, run, p.eye, p.draw) or nil
     local background = rig:learn_background { frames = 15 }
     local servo <close> = rig:servo { background = background, law = "estimator", field = p.field }
     local view, model = rig:view(), rig:model()

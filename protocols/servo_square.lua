@@ -26,7 +26,7 @@ local function round(rig, run, p, truth, shown, sight)
   run:progress(0, "learning the empty scene")
   rig.sample:remove_robot()
   local background = rig:learn_background { frames = 15 } -- feedback by color alone does not look at it
-  local calibrates = retina.wanted(rig, run, p.calibrate, p.eye == "perturbed")
+  local calibrates = retina.wanted(rig, run, p.calibrate, eyes.differs(p.eye))
   local attitude = p.attitude == "auto" and (calibrates and "estimated" or "taken") or p.attitude
   local doubt = bring.axis_uncertainty(attitude)
   local view
@@ -158,7 +158,7 @@ local function expected(book, p, path, localization)
     what = "distance from the square, rms in 3-D",
     ours = path.rms,
     unit = "m",
-    at_most = p.eye == "perturbed" and 250 * um or 300 * um,
+    at_most = eyes.differs(p.eye) and 250 * um or 300 * um,
     reason = "this project's goal for every eye; the figure has no number",
     why = 'the thesis: "errors are due to inaccuracy in the estimates of the localization algorithm"',
   }
@@ -168,8 +168,8 @@ local function expected(book, p, path, localization)
     thesis = 266 * um,
     ours = localization.mean,
     unit = "m",
-    error = p.eye == "perturbed" and "an eye off by table 5.1, calibration, pixels, tracker" or nil,
-    why = p.eye == "perturbed" and "93 and 249 µm along x and z of table 5.4, together"
+    error = eyes.differs(p.eye) and "an eye off by table 5.1, calibration, pixels, tracker" or nil,
+    why = eyes.differs(p.eye) and "93 and 249 µm along x and z of table 5.4, together"
       or "93 and 249 µm along x and z of table 5.4, together; the eye is as believed, so it is not the same error",
     where = "table 5.4",
   }
@@ -205,8 +205,8 @@ return {
   run = function(rig, p, run)
     local book = expect.book(run, "figure 6.5")
     local sight = color_feedback.options(rig, run, p)
-    local function eye(number) return p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw + number - 1) or nil end
-    if p.eyes == 1 or p.eye == "nominal" or not rig.simulation then
+    local function eye(number) return eyes.differs(p.eye) and eyes.set(rig, run, p.eye, p.draw + number - 1) or nil end
+    if p.eyes == 1 or not eyes.differs(p.eye) or not rig.simulation then
       local errors = judge.path(run, round(rig, run, p, eye(1), true, sight))
       expected(book, p, errors.path, errors.localization)
       return book:close()

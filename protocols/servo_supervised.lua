@@ -140,10 +140,10 @@ return {
     if #zones > 0 and p.fixed_to ~= "retina" then error("zones: they are parts of the retina; fixed_to=retina finds it", 0) end
     local script = p.points ~= "ask" and p.points ~= "view" and read_points(p.points) or nil
     rig.sample:remove_robot()
-    local truth = p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw) or nil
+    local truth = eyes.differs(p.eye) and eyes.set(rig, run, p.eye, p.draw) or nil
     local sight = color_feedback.options(rig, run, p)
     local background = rig:learn_background { frames = 15 } -- feedback by color alone does not look at it
-    local calibrates = retina.wanted(rig, run, p.calibrate, p.eye == "perturbed")
+    local calibrates = retina.wanted(rig, run, p.calibrate, eyes.differs(p.eye))
     local view
     if calibrates then
       local shown = "on the retina, for calibration"

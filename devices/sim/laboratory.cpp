@@ -5,6 +5,7 @@
 #include "control/vitreous.h"
 #include "devices/sim/checks.h"
 #include "devices/sim/hardware_sample.h"
+#include "devices/sim/lens_groups.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
@@ -94,6 +95,9 @@ BodyLook look_of(const BodySettings& body) {
 
 // Red, green and blue of a retina whose gray is 1.
 constexpr std::array<double, 3> kFundusTint = {1.45, 0.9, 0.25};
+
+constexpr const char* kNoCondensingLens =
+    "eye: wants a retina, a lens, a cornea of two surfaces and, in air, a condensing lens of two";
 
 // m of lens travel per microstep.
 double ustep(const pololu_tic::Settings& lens) { return lens.step_length / lens.usteps_per_step; }
@@ -225,7 +229,7 @@ struct Laboratory::State {
     // The mover shifts the condensing lens by `lens`: the air before it grows, and the observer,
     // whose position is counted from the last surface, stays where it is.
     optics::System eye = settings.eye;
-    eye.surfaces[static_cast<std::size_t>(kBeforeCondensingLens - 1)].thickness += now.lens;
+    eye.surfaces[static_cast<std::size_t>(lens_groups(eye)->cornea) - 1].thickness += now.lens;
     optics::Microscope observer = settings.microscope;
     observer.focus += now.sensor - now.lens;
     if (settings.top_view == TopView::bare_sensor)
@@ -321,8 +325,6 @@ struct Laboratory::State {
     world.set_coil_commands(now, commands);
   }
 
-  // The surface whose thickness is the air before the condensing lens.
-  static constexpr int kBeforeCondensingLens = 5;
   // Least part of the light: a sensor's brightness must be above 0.
   static constexpr double kDarkest = 1e-6;
   LaboratorySettings settings;
@@ -360,8 +362,7 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
   settings.lens.check();
   require(settings.fundus_drift >= 0 && settings.fundus_drift <= 0.1,
           "fundus_drift must be in [0, 0.1] m/s");
-  require(settings.eye.size() > State::kBeforeCondensingLens,
-          "eye: a system with a condensing lens before surface 6 is wanted");
+  require(lens_groups(settings.eye).has_value(), kNoCondensingLens);
   state_ = std::make_unique<State>(*this, settings, clock, seed);
   State& state = *state_;
   const PlantSample sample = sample_plant(settings.sigmas, seed);
@@ -463,10 +464,8 @@ void Laboratory::redraw(std::uint64_t seed) {
 
 void Laboratory::set_eye(const optics::System& eye) {
   eye.check();
+  require(lens_groups(eye).has_value(), kNoCondensingLens);
   State& state = *state_;
-  if (eye.size() != state.settings.eye.size())
-    throw std::invalid_argument("eye: wants one of " + std::to_string(state.settings.eye.size()) +
-                                " surfaces, got " + std::to_string(eye.size()));
   state.settings.eye = eye;
   state.top_renderer.reset();  // made again with the next picture
 }

@@ -115,8 +115,9 @@ class Laboratory {
   /// The machine of the last seed with coils that are exactly these, for every later sample too, in
   /// the background that there is. Throws std::invalid_argument for another number of coils.
   void use_field(const control::FieldModel& field);
-  /// Another eye stands there from now on, with the same retina: the same lenses, other numbers.
-  /// Throws std::invalid_argument when it is unsound or has not as many surfaces.
+  /// Another eye stands there from now on, of any build (lens_groups.h), in the same cavity: its
+  /// retina is to be the settings' one. Throws std::invalid_argument when it is unsound, or no eye
+  /// before a condensing lens.
   void set_eye(const optics::System& eye);
   /// Another robot, and another medium, from now on, in the machine of the last seed; without a
   /// robot in it. `gel`: nothing for the fluid.

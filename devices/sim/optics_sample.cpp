@@ -2,6 +2,7 @@
 #include "devices/sim/optics_sample.h"
 
 #include "devices/sim/checks.h"
+#include "devices/sim/lens_groups.h"
 #include "optics/system/frames.h"
 
 #include <Eigen/Geometry>
@@ -50,13 +51,6 @@ double drawn(double sigma, std::uint64_t seed, OpticsStream which) {
   auto random = optics_stream(seed, which);
   return sigma * std::clamp(std::normal_distribution<double>()(random), -kCut, kCut);
 }
-
-/// The air before the condensing lens, as in the laboratory.
-constexpr std::size_t kAirBeforeLens = 4;  // from 0
-/// Surfaces, from 1: the eye's own lens, its last one, and the condensing lens from there on.
-constexpr int kInnerLens = 2;
-constexpr int kInnerLensFront = 3;
-constexpr int kLastOfEye = 5;
 
 /// Turns a group about x, then about y, and moves it. Nothing where nothing was drawn: the surfaces
 /// of a centered system stay so to the last bit, and fast.
@@ -182,12 +176,14 @@ OpticsSample sample_optics(const OpticsSigmas& sigmas, std::uint64_t seed) {
 optics::System OpticsSample::applied_to(optics::System eye) const {
   const double turned_about = eye.surfaces.front().radius - retina_depth;
   eye.surfaces.front().thickness += axial_length - retina_depth;
-  if (eye.size() <= kLastOfEye) return eye;
-  eye.surfaces[kAirBeforeLens].thickness += lens_axial;
-  move_group(eye, kInnerLens, kInnerLensFront, inner_lens_aside, inner_lens_tilt,
-             eye.vertex(kInnerLens));
-  move_group(eye, kInnerLens, kLastOfEye, {0, 0}, eye_rotation, turned_about);
-  move_group(eye, kLastOfEye + 1, eye.size(), lens_aside, lens_tilt, eye.vertex(kLastOfEye + 1));
+  const auto group = lens_groups(eye);
+  if (!group) return eye;
+  eye.surfaces[static_cast<std::size_t>(group->cornea) - 1].thickness += lens_axial;
+  move_group(eye, group->inner_lens, group->inner_lens_front, inner_lens_aside, inner_lens_tilt,
+             eye.vertex(group->inner_lens));
+  move_group(eye, group->inner_lens, group->cornea, {0, 0}, eye_rotation, turned_about);
+  move_group(eye, group->condensing_lens, eye.size(), lens_aside, lens_tilt,
+             eye.vertex(group->condensing_lens));
   return eye;
 }
 

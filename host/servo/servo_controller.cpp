@@ -138,12 +138,13 @@ bool ServoController::take(double now, const control::PositionMeasurement& measu
   // A Cholesky factor exists exactly for a positive definite matrix.
   if (Eigen::LLT<Eigen::Matrix3d>(sound.covariance).info() != Eigen::Success) return !by_law;
   if (!estimator_) tune(now, sound);
-  const double since = sound.time - std::exchange(estimated_, sound.time);
-  const bool used = estimator_->measure(sound);
-  if (used && estimator_->innovation()) innovations_.add(*estimator_->innovation(), since);
-  if (used && by_law)
+  if (!estimator_->measure(sound)) return !by_law;
+  if (estimator_->innovation())
+    innovations_.add(*estimator_->innovation(), sound.time - estimated_);
+  estimated_ = sound.time;
+  if (by_law)
     watch_.measured(sound.time, *estimator_, ahead_.delay, !estimator_->innovation().has_value());
-  return used || !by_law;
+  return true;
 }
 
 /// Gains and filter noise from the loop as it is at its first measurement (control::tune).

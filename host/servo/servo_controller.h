@@ -133,7 +133,7 @@ class ServoController {
   LoopWatch watch_;
   std::optional<std::pair<double, Eigen::Vector3d>> watched_;  // s; axis then
   double last_measured_ = -1e9;                                // s
-  double estimated_ = -1e9;  // s, of the filter\'s last measurement
+  double estimated_ = -1e9;  // s, of the last measurement that the filter used
 };
 
 }  // namespace vitreo

@@ -133,7 +133,7 @@ TEST(Simulation, WhatItIsToldIsCheckedAndNamed) {
   const Spoken spoken = place.vitreo("run told.lua --json");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   for (const char* said :
-       {"eye: ", "wants one of 7 surfaces, got 5", "none called 'ball'", "coni_3mm", "gel_12"})
+       {"eye: ", "a condensing lens of two", "none called 'ball'", "coni_3mm", "gel_12"})
     EXPECT_NE(spoken.err.find(said), std::string::npos) << said << "\n" << spoken.err;
   const auto results = nlohmann::json::parse(spoken.out)["results"];
   EXPECT_EQ(results["index"], results["again"]);

@@ -1,0 +1,223 @@
+// Servo controller: what it tells of its own loop (statistics, standstill, margins of a slow loop,
+// the keep-out margin) and what it forgets.
+// SPDX-License-Identifier: Apache-2.0
+#include "control/command_history.h"
+#include "control/innovation_statistics.h"
+#include "control/robots.h"
+#include "host/servo/robot_clearance.h"
+#include "host/servo/servo_controller.h"
+#include "optics/system/prescriptions.h"
+
+#include <Eigen/Core>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace vitreo {
+namespace VITREO_TEST_FILE {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+RigModel watched_model() {
+  RigModel model;
+  model.robot = control::coni_2mm();
+  model.medium.density = 960;
+  model.medium.kinematic_viscosity = 420e-6;
+  return model;
+}
+
+ControllerSettings watched_settings(ControlLaw law) {
+  ControllerSettings settings;
+  settings.law = law;
+  settings.field = 12e-3;
+  settings.axis = Vector3d(0.6, -0.5, 0.3).normalized();
+  settings.period = 0.05;
+  return settings;
+}
+
+control::PositionMeasurement seen_at(double time, const Vector3d& position) {
+  return {time, position, Matrix3d::Identity() * 2e-11};
+}
+
+ReferencePath staying_at(const Vector3d& place) { return {control::Trajectory::hold_at(place), 0}; }
+
+TEST(ServoControllerWatch, TheStatisticsAreOfTheInnovationsThatWereUsedByTheTimeBetweenThem) {
+  ServoController controller(watched_model(), watched_settings(ControlLaw::estimator));
+  control::InnovationStatistics wanted(10);
+  const Vector3d place(1e-3, -0.5e-3, 1e-3);
+  double time = 5.3, before = 0;
+  for (int k = 0; k < 40; ++k, time += 0.04 + 0.03 * (k % 3)) {
+    const bool wild = k % 9 == 8;  // beyond the gate: of no use, and in no statistics
+    const Vector3d off = wild ? Vector3d(6e-3, 0, 0) : Vector3d(2e-5, -1e-5, 3e-5) * (k % 4 - 1.5);
+    const ControlStep step = controller.step(time + 0.09, seen_at(time, place + off),
+                                             staying_at(place), ControlMode::follow);
+    EXPECT_EQ(step.passed_over, wild) << k;
+    if (wild) continue;
+    if (controller.estimator()->innovation())
+      wanted.add(*controller.estimator()->innovation(), time - before);
+    before = time;
+  }
+  ASSERT_TRUE(controller.margins());
+  EXPECT_NEAR(controller.margins()->innovation, wanted.normalized(), 1e-12);
+  EXPECT_NEAR(controller.margins()->correlation, wanted.correlation(), 1e-12);
+  EXPECT_GT(std::abs(wanted.correlation()), 0.05);
+}
+
+// The command against a constant push does not change, however strong it is.
+TEST(ServoControllerWatch, AConstantCommandStirsTheScheduleNoMoreThanNone) {
+  ServoController controller(watched_model(), watched_settings(ControlLaw::estimator));
+  const Vector3d place(0, 0, 1e-3);
+  control::CommandHistory plant(watched_model().command_delay,
+                                1 / (2 * M_PI * watched_model().command_bandwidth));
+  const Vector3d push(0.4e-3, -0.2e-3, 0.1e-3);  // m/s
+  Vector3d position = place, flowing(0, 0, 0), last(0, 0, 0);
+  std::optional<control::ServoSchedule> expected;
+  for (int k = 0; k < 160; ++k) {
+    const double time = 5 + 0.05 * k;
+    const auto motion = plant.advance(flowing, time - 0.05, time);
+    flowing = motion.velocity;
+    position += motion.moved + 0.05 * push;
+    const ControlStep step = controller.step(time + 0.02, seen_at(time, position),
+                                             staying_at(place), ControlMode::follow);
+    plant.add(time + 0.02, step.commanded);
+    const auto margins = controller.margins();
+    if (!margins) continue;
+    const Vector3d commanded = margins->estimate.commanded;
+    if (k > 60)
+      expected = control::schedule(*controller.tuning(), margins->estimate,
+                                   {0, (commanded - last).norm()});
+    last = commanded;
+    if (!expected) continue;
+    EXPECT_NEAR(margins->schedule.bandwidth, expected->bandwidth, 1e-9) << k;
+    EXPECT_NEAR(margins->schedule.proportional, expected->proportional, 1e-9) << k;
+  }
+  ASSERT_TRUE(expected);
+  EXPECT_GT(last.norm(), 0.3e-3);
+  const auto stirred =
+      control::schedule(*controller.tuning(), controller.margins()->estimate, {0, last.norm()});
+  EXPECT_GT(std::abs(stirred.bandwidth - expected->bandwidth), 1e-3) << "else this tells nothing";
+}
+
+TEST(ServoControllerWatch, ARobotThatStandsBesideItsTargetIsToldAndOneThatGoesIsNot) {
+  for (const bool stands : {true, false}) {
+    ServoController controller(watched_model(), watched_settings(ControlLaw::estimator));
+    const Vector3d target(1e-3, 0, 1e-3);
+    bool told = false;
+    double told_at = 0;
+    for (int k = 0; k < 120 && !told; ++k) {
+      const double time = 5 + 0.05 * k;
+      const Vector3d gone = stands ? Vector3d(0, 0, 0) : Vector3d(std::min(1.2e-3 * (time - 5), 4e-3), 0, 0);
+      const ControlStep step =
+          controller.step(time + 0.08, seen_at(time, Vector3d(-3e-3, 0, 1e-3) + gone),
+                          staying_at(target), ControlMode::follow);
+      told = step.quality.standing;
+      told_at = time;
+    }
+    EXPECT_EQ(told, stands);
+    if (stands) {
+      EXPECT_LT(told_at, 5 + control::kCaught + 3);
+    }
+  }
+}
+
+TEST(ServoControllerWatch, ALoopOfOneFrameInTwoSecondsHasMarginsToo) {
+  ControllerSettings settings = watched_settings(ControlLaw::estimator);
+  settings.period = 0.9;  // s
+  ServoController controller(watched_model(), settings);
+  for (int k = 0; k < 12; ++k) {
+    const double time = 5 + 0.9 * k;
+    controller.step(time + 2.5, seen_at(time, {1e-3, 0, 1e-3}), staying_at({1e-3, 0, 1e-3}),
+                    ControlMode::follow);
+  }
+  ASSERT_TRUE(controller.margins());
+  EXPECT_LT(controller.margins()->schedule.bandwidth, 1) << "rad/s";
+  EXPECT_GT(controller.margins()->schedule.bandwidth, 0);
+}
+
+TEST(ServoControllerWatch, AResetForgetsWhatTheOtherLawsHadGathered) {
+  for (const ControlLaw law : {ControlLaw::pd, ControlLaw::velocity}) {
+    ControllerSettings settings = watched_settings(law);
+    settings.gains = {1.1, 0.3, 0.15, 3e-3, 0.4};
+    settings.velocity = {0.7, 1e-3, 0.2, 0.11, 150e-6};
+    ServoController used(watched_model(), settings);
+    const ReferencePath path = staying_at({1e-3, 0.5e-3, 1e-3});
+    for (int k = 0; k < 20; ++k)
+      used.step(5.09 + 0.05 * k, seen_at(5 + 0.05 * k, {0.6e-3, 0.5e-3 - 1e-5 * k, 1e-3}), path,
+                ControlMode::follow);
+    ServoController kept(watched_model(), settings);
+    for (int k = 0; k < 20; ++k)
+      kept.step(5.09 + 0.05 * k, seen_at(5 + 0.05 * k, {0.6e-3, 0.5e-3 - 1e-5 * k, 1e-3}), path,
+                ControlMode::follow);
+    used.reset();
+    ServoController fresh(watched_model(), settings);
+    double forgotten = 0;
+    for (int k = 0; k < 5; ++k) {
+      const double time = 6.2 + 0.05 * k;
+      const auto seen = seen_at(time, {0.9e-3, 0.4e-3, 1.1e-3 + 1e-5 * k});
+      const auto after = used.step(time + 0.09, seen, path, ControlMode::follow).currents;
+      const auto wanted = fresh.step(time + 0.09, seen, path, ControlMode::follow).currents;
+      const auto without = kept.step(time + 0.09, seen, path, ControlMode::follow).currents;
+      EXPECT_EQ(after, wanted) << to_string(law) << ' ' << k;
+      forgotten = std::max(forgotten, (without - wanted).norm());
+    }
+    EXPECT_GT(forgotten, 1e-4) << to_string(law) << ": else there was nothing to forget";
+  }
+}
+
+TEST(ServoControllerWatch, ItIsToldWhenTheMarginHasChangedTheCommand) {
+  RigModel model = watched_model();
+  model.eye = optics::model_eye_5_3();
+  model.eye_in_world = {0, 0, -5e-3};
+  const RobotClearance clearance(model, {Vector3d::UnitX(), 0, false, false});
+  const Vector3d middle = model.eye_in_world + Vector3d(0, 0, model.eye.vertex(2) / 2);
+  const auto nearest = [&](const Vector3d& at) { return clearance.at(at)->retina.distance; };
+  Vector3d low = middle;
+  while (nearest(low) > clearance.margin() + 0.1e-3) low.z() -= 0.05e-3;
+  for (const ControlLaw law : {ControlLaw::pd, ControlLaw::velocity, ControlLaw::estimator}) {
+    for (const bool at_wall : {true, false}) {
+      ControllerSettings settings = watched_settings(law);
+      settings.gains = {1.1, 0.3, 0.15, 3e-3, 0.4};
+      settings.velocity = {0.7, 1e-3, 0.2, 0.11, 150e-6};
+      ServoController controller(model, settings);
+      ServoController free(model, settings);
+      controller.keep_out(&clearance);
+      const Vector3d place = at_wall ? low : middle;
+      const ReferencePath path = staying_at(place - Vector3d(0, 0, 1e-3));
+      bool told = false;
+      bool cut = false;
+      for (int k = 0; k < 30; ++k) {
+        const double time = 5 + 0.05 * k;
+        const ControlStep step =
+            controller.step(time + 0.08, seen_at(time, place), path, ControlMode::follow);
+        const ControlStep unbound =
+            free.step(time + 0.08, seen_at(time, place), path, ControlMode::follow);
+        told = told || step.kept_out;
+        cut = cut || (step.currents - unbound.currents).norm() > 1e-6;
+        EXPECT_FALSE(unbound.kept_out);
+      }
+      EXPECT_EQ(told, at_wall) << to_string(law);
+      EXPECT_EQ(cut, at_wall) << to_string(law);
+    }
+  }
+}
+
+// What the filter's gate refused says nothing of the coils.
+TEST(ServoControllerWatch, WildMeasurementsAccuseNoCoil) {
+  ServoController controller(watched_model(), watched_settings(ControlLaw::estimator));
+  const Vector3d place(2e-3, 1e-3, 1e-3);
+  for (int k = 0; k < 400; ++k) {
+    const double time = 5 + 0.05 * k;
+    const bool wild = k > 60 && k % 4 == 0;
+    const Vector3d off = wild ? Vector3d(2e-3, 1e-3, -4e-3) : Vector3d(0, 0, 0);
+    const ControlStep step = controller.step(time + 0.08, seen_at(time, place + off),
+                                             staying_at(place), ControlMode::follow);
+    EXPECT_EQ(step.passed_over, wild) << k;
+    ASSERT_EQ(step.quality.weak_coil, 0) << k;
+  }
+}
+
+}  // namespace VITREO_TEST_FILE
+}  // namespace vitreo
