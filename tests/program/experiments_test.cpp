@@ -107,6 +107,64 @@ TEST(ServoSupervised, ARobotThatStandsOffUntilItIsTrimmedIsTrimmedWhereItRests) 
   EXPECT_EQ(nlohmann::json::parse(spoken.out)["results"]["points_reached"], 1) << spoken.err;
 }
 
+// Power of a cornea's front, (n - 1) / R, along the two directions of its surface.
+TEST(Simulation, AnEyeOfAnotherBuildStandsInTheBelievedOnesCavity) {
+  const Workplace place;
+  place.write("build.lua",
+              "local eyes = require 'session.eyes'\n"
+              "return { title = 'x', needs = { 'sample' }, run = function(rig, p, run)\n"
+              "  local _, refused = pcall(eyes.set, rig, run, 'liou_brennan', 1)\n"
+              "  run:note('refused: ' .. tostring(refused))\n"
+              "  local function powers(eye)\n"
+              "    local own = eye:info().parameters\n"
+              "    local n = own['cornea.index'] - 1\n"
+              "    local x, y = own['cornea.anterior.radius'], own['cornea.anterior.radius_y']\n"
+              "    return -n / x, y and -n / y or -n / x, own['cornea.anterior.tilt_z'] or 0\n"
+              "  end\n"
+              "  local sum, mean, turned = 0, 0, {}\n"
+              "  for k = 1, 200 do\n"
+              "    local plain = powers(rig:eye():sample { number = k })\n"
+              "    local along_x, along_y, turn = powers(eyes.set(rig, run, 'toric', k))\n"
+              "    sum = sum + math.abs(along_x - along_y) / 200\n"
+              "    mean = math.max(mean, math.abs((along_x + along_y) / 2 - plain))\n"
+              "    turned[turn > math.pi / 2] = (turned[turn > math.pi / 2] or 0) + 1\n"
+              "  end\n"
+              "  run:result('astigmatism', sum)\n"
+              "  run:result('mean_changed', mean)\n"
+              "  run:result('steep', turned[true])\n"
+              "  run:result('mean_gray', rig.top_camera:grab().image:mean().gray)\n"
+              "end }");
+  const Spoken spoken = place.vitreo("run build.lua --json");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  EXPECT_NE(spoken.err.find("not in model_eye_5_3"), std::string::npos) << spoken.err;
+  const auto results = nlohmann::json::parse(spoken.out)["results"];
+  EXPECT_NEAR(results["astigmatism"].get<double>(), 0.98, 0.03) << "diopters, of 23 239 eyes";
+  EXPECT_LT(results["mean_changed"].get<double>(), 1e-9);
+  EXPECT_NEAR(results["steep"].get<double>(), 100, 5);
+  EXPECT_GT(results["mean_gray"].get<double>(), 1) << "the camera shows that eye";
+}
+
+TEST(Simulation, AGradientEyeIsSeenByARigThatBelievesInNavarros) {
+  const Workplace place;
+  place.write("gradient.lua",
+              "local eyes = require 'session.eyes'\n"
+              "return { title = 'x', needs = { 'sample' }, rig = 'spiral_navarro',\n"
+              "  run = function(rig, p, run)\n"
+              "  local eye = eyes.set(rig, run, 'liou_brennan', 1)\n"
+              "  local own, known = eye:info().parameters, rig:eye():info().parameters\n"
+              "  run:result('radius', own['retina.radius'] - known['retina.radius'])\n"
+              "  run:result('surfaces', #eye:prescription().rows)\n"
+              "  run:result('gray', rig.top_camera:grab().image:mean().gray)\n"
+              "  eyes.report(run, rig:eye(), eye)\n"
+              "end }");
+  const Spoken spoken = place.vitreo("run gradient.lua --json");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  const auto results = nlohmann::json::parse(spoken.out)["results"];
+  EXPECT_NEAR(results["radius"].get<double>(), 0, 1e-9);
+  EXPECT_EQ(results["surfaces"], 8);
+  EXPECT_GT(results["gray"].get<double>(), 1);
+}
+
 TEST(Simulation, WhatItIsToldIsCheckedAndNamed) {
   const Workplace place;
   place.write(

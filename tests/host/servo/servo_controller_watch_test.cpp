@@ -109,7 +109,8 @@ TEST(ServoControllerWatch, ARobotThatStandsBesideItsTargetIsToldAndOneThatGoesIs
     double told_at = 0;
     for (int k = 0; k < 120 && !told; ++k) {
       const double time = 5 + 0.05 * k;
-      const Vector3d gone = stands ? Vector3d(0, 0, 0) : Vector3d(std::min(1.2e-3 * (time - 5), 4e-3), 0, 0);
+      const Vector3d gone =
+          stands ? Vector3d(0, 0, 0) : Vector3d(std::min(1.2e-3 * (time - 5), 4e-3), 0, 0);
       const ControlStep step =
           controller.step(time + 0.08, seen_at(time, Vector3d(-3e-3, 0, 1e-3) + gone),
                           staying_at(target), ControlMode::follow);
