@@ -53,7 +53,7 @@ end
 local function gradient_eye(believed)
   local known = believed:prescription()
   if known.name ~= "navarro_condensing" then
-    error("eye: liou_brennan is a human eye, for a rig that believes in navarro_condensing, not in " .. known.name, 0)
+    error("eye: liou_brennan is for a rig that believes in navarro_condensing, not in " .. known.name, 0)
   end
   return optics.system({ name = "liou_brennan_condensing" }):with {
     ["retina.radius"] = known.rows[1].radius,
@@ -63,8 +63,8 @@ end
 
 --- Sets the eye of a simulated rig. `kind`: "nominal"; "perturbed": all of table 5.1 at once, Gaussian, one sigma each; "toric":
 --- that with an astigmatic cornea; "liou_brennan": so off, Liou and Brennan's eye with its gradient lens, for a rig that believes
---- in Navarro's. `number` chooses among the run's draws. Returns the true eye where it is known, for judging only. A laboratory rig
---- has the eye that it has.
+--- in Navarro's. `number` chooses among the run's draws. Returns the true eye where it is known, for judging only. A
+--- laboratory rig has the eye that it has.
 function eyes.set(rig, run, kind, number)
   if not rig.simulation then
     if kind ~= "nominal" then run:note(("the eye is as it is: eye=%s is for simulated rigs"):format(kind)) end
