@@ -78,15 +78,29 @@ function eyes.set(rig, run, kind, number)
   return eye
 end
 
---- The parameters by which an eye differs from the one believed, as rows of a table.
+local function shown(name, number)
+  if not number then return "–" end
+  local length = name:match "radius" or name:match "thickness$"
+  return length and ("%.5g mm"):format(number / mm) or ("%.5g"):format(number)
+end
+
+--- The parameters by which an eye differs from the one believed, as rows of a table: what only one of them has too, unless it is
+--- nothing (a term that is 0, a plane).
 function eyes.differences(believed, eye)
-  local rows, nominal = {}, believed:info().parameters
-  for name, value in pairs(eye:info().parameters) do
-    local before = nominal[name]
-    if before and value ~= before and before == before then
-      local length = name:match "radius$" or name:match "thickness$"
-      local function shown(number) return length and ("%.5g mm"):format(number / mm) or ("%.5g"):format(number) end
-      rows[#rows + 1] = { name, shown(before), shown(value), ("%+.3g %%"):format(100 * (value / before - 1)) }
+  local rows, names, before, after = {}, {}, believed:info().parameters, eye:info().parameters
+  for name in pairs(after) do
+    names[#names + 1] = name
+  end
+  for name, value in pairs(before) do
+    if after[name] == nil and value ~= 0 and value < math.huge then names[#names + 1] = name end
+  end
+  table.sort(names)
+  for _, name in ipairs(names) do
+    local was, is = before[name], after[name]
+    local nothing = was == nil and (is == 0 or is == math.huge)
+    if is ~= was and not nothing and name ~= "stop.surface" then
+      local both = was and is and was ~= 0
+      rows[#rows + 1] = { name, shown(name, was), shown(name, is), both and ("%+.3g %%"):format(100 * (is / was - 1)) or "" }
     end
   end
   return rows
