@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <sstream>
 #include <utility>
@@ -391,7 +392,13 @@ void take_chain(const RigDescription& rig, RigSettings& settings,
 /// A calibration changes what the loop believes; the simulated cameras stay as the rig file has
 /// them.
 void keep_simulated_cameras(const RigDescription& rig, sim::LaboratorySettings& laboratory) {
-  for (const Calibration& one : Calibrations::of(rig).list) {
+  const Calibrations calibrations = Calibrations::of(rig);
+  for (const Calibration& one : calibrations.list) {
+    // A rig file without a pupil has a telecentric microscope.
+    if (one.name == "top_camera.microscope.pupil_distance" &&
+        (one.instead_of || (calibrations.installed && one.file == calibrations.installed->file)))
+      laboratory.microscope.pupil_distance =
+          one.instead_of.value_or(std::numeric_limits<double>::infinity());
     if (!one.instead_of) continue;
     // `instead_of` is what the rig file itself says: in a simulated laboratory that is how the
     // camera was built, and the calibration what was measured of it.

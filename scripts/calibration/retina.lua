@@ -127,6 +127,9 @@ function retina.by_hand(rig)
   return rig.top_camera ~= nil and not model.plain_view and model.uncertainty.bench.places == "by_hand"
 end
 
+--- Whether the loop locates by a chain that calibrate_bench or calibrate_in_eye have installed.
+function retina.measured(rig) return rig:model().uncertainty.bench.places == "measured" end
+
 --- By how much a square's center is higher there: a look in the middle of the retina tells nothing of where the picture stands
 --- aside, 0.8 mm of such a bench, which at the corners is 0.3 mm of distance to the retina, one sigma (docs/safety.md).
 function retina.room(rig) return vector(0, 0, retina.by_hand(rig) and 0.5 * mm or 0) end
