@@ -140,10 +140,16 @@ std::shared_ptr<const MeasuredChain> read_measured_chain(const std::string& text
       warnings.push_back("model.chain: was measured with another robot, " + robot +
                          ": the size of this one counts as not measured");
     }
+    const double outline = file.value("outline_px", MeasuredChain::kUsualOutline_px);
+    if (!(outline > 0 && outline < 10))
+      throw std::invalid_argument("outline_px must be between 0 and 10 px");
     const bool touched = file.at("touched").get<bool>() && measured_eye == model.eye_id;
     optics::ViewingChain chain(nominal, std::move(numbers.parameters), numbers.theta);
-    return std::make_shared<const MeasuredChain>(MeasuredChain{
-        {std::move(chain), std::move(numbers.covariance)}, touched, model.uncertainty.bench});
+    return std::make_shared<const MeasuredChain>(
+        MeasuredChain{{std::move(chain), std::move(numbers.covariance)},
+                      touched,
+                      model.uncertainty.bench,
+                      outline});
   } catch (const json::exception& problem) {
     throw std::invalid_argument(std::string("is no measured chain: ") + problem.what());
   }

@@ -18,6 +18,10 @@ struct MeasuredChain {
   /// camera saw, whose world it then has.
   bool touched = false;
   BenchUncertainty before{};  // what the rig said of the bench that was measured
+  /// px, of each semi-axis: how far the session's outlines were from this chain's, beside what all
+  /// have in common (its dilation).
+  double outline_px = kUsualOutline_px;
+  static constexpr double kUsualOutline_px = 0.1;  // of a file without it
   /// Of a parameter, in its own unit, 0 where it is held; of two, along x and y, the larger.
   double sigma(const std::string& name) const;
 };
@@ -26,11 +30,11 @@ struct MeasuredChain {
 optics::NominalChain nominal_chain(const RigModel& model);
 
 /// From a file's text: {"about": {"eye", "robot", "pixel", "center", "pupil_power", "tilt"}, "eye",
-/// "touched", "parameters": [{"name", "off", "sigma"}], "covariance"}: SI; `off` and `covariance`
-/// (row by row) are what was found, `sigma` was known before. Nothing where it was measured about
-/// another belief than the rig's; where the eye or the robot is another one, what is theirs is
-/// known no better than before. Both are a line in `warnings`. Throws std::invalid_argument naming
-/// what is wrong.
+/// "touched", "outline_px" (0.1), "parameters": [{"name", "off", "sigma"}], "covariance"}: SI;
+/// `off` and `covariance` (row by row) are what was found, `sigma` was known before. Nothing where
+/// it was measured about another belief than the rig's; where the eye or the robot is another one,
+/// what is theirs is known no better than before. Both are a line in `warnings`. Throws
+/// std::invalid_argument naming what is wrong.
 std::shared_ptr<const MeasuredChain> read_measured_chain(const std::string& text,
                                                          const RigModel& model,
                                                          std::vector<std::string>& warnings);
