@@ -372,23 +372,6 @@ control::MultipoleField model_calibration(const std::string& file,
   }
 }
 
-/// What a calibration of the viewing chain found becomes what the loop believes.
-void take_chain(const RigDescription& rig, RigSettings& settings,
-                std::vector<std::string>& warnings) {
-  if (settings.chain.empty()) return;
-  const std::string file = beside(rig, "model.chain", settings.chain);
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  if (!stream) throw ConfigError(file + ": the calibration of the viewing chain cannot be read");
-  try {
-    auto chain = read_measured_chain(text.str(), settings.model, warnings);
-    if (chain) use_measured_chain(settings.model, std::move(chain));
-  } catch (const std::invalid_argument& problem) {
-    throw ConfigError(file + ": " + problem.what());
-  }
-}
-
 /// A calibration changes what the loop believes; the simulated cameras stay as the rig file has
 /// them.
 void keep_simulated_cameras(const RigDescription& rig, sim::LaboratorySettings& laboratory) {
@@ -463,7 +446,7 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   if (!settings.field_calibration.empty())
     settings.model.field = laboratory.believed_field = model_calibration(
         beside(description, "model.calibration", settings.field_calibration), warnings);
-  take_chain(description, settings, warnings);
+  take_chain(description, settings.chain, settings.model, warnings);
   keep_simulated_cameras(description, laboratory);
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;

@@ -60,11 +60,27 @@ TEST(ChainSessions, TheNextRunOnTheSameBenchLocatesByTheChainThatWasInstalled) {
       place, "run calibrate_bench places=6 judged=2 listen=0.5s --rig rig.lua --seed 21");
   EXPECT_GT(session["before_aside_median"], 300e-6);
   EXPECT_LT(session["session_outline_factor"], 1) << "drawn outlines are nearer than believed";
-  const auto spiral = results_in(place, std::string("run localize_spiral") + kSpiral);
+  const auto spiral =
+      results_in(place, std::string("run localize_spiral --frames top_camera") + kSpiral);
   EXPECT_LT(spiral["mean_error_x_robot_x"], 60e-6);
   EXPECT_LT(spiral["mean_error_z_robot_x"], 150e-6);
   EXPECT_GT(spiral["within_95_x_robot_x"], 0.7);
   EXPECT_GT(spiral["within_95_z_robot_x"], 0.7);
+  // The record has the chain: a replay finds the same, whatever is installed since.
+  std::filesystem::remove_all(place.folder() / "runs" / "calibrations");
+  const Spoken replayed = place.vitreo("replay --json runs/*localize_spiral*");
+  ASSERT_EQ(replayed.exit_code, 0) << replayed.err;
+  const auto told = nlohmann::json::parse(replayed.out);
+  EXPECT_GT(told["compared"], 50);
+  EXPECT_EQ(told["same"], told["compared"]);
+}
+
+TEST(ChainSessions, SteeringByHandLooksAtTheRobotOnTheRetinaOfABenchThatWasSetUpByHand) {
+  const Workplace place;
+  const Spoken steered = place.vitreo("run steer duration=1s --rig sampled_bench --seed 3");
+  EXPECT_EQ(steered.exit_code, 0) << steered.out << steered.err;
+  EXPECT_NE((steered.out + steered.err).find("calibrated on the retina"), std::string::npos)
+      << steered.out << steered.err;
 }
 
 constexpr const char* kSessionOfTwelve = R"(
