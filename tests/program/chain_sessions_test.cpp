@@ -66,6 +66,11 @@ TEST(ChainSessions, TheNextRunOnTheSameBenchLocatesByTheChainThatWasInstalled) {
   EXPECT_LT(spiral["mean_error_z_robot_x"], 150e-6);
   EXPECT_GT(spiral["within_95_x_robot_x"], 0.7);
   EXPECT_GT(spiral["within_95_z_robot_x"], 0.7);
+  // No side camera shows the retina, from which the loop's square keeps away.
+  const Spoken hold = place.vitreo(
+      "check hold compare=false align=false settle=0.5s hold=1s speed=2mm/s --rig rig.lua --seed "
+      "21");
+  EXPECT_EQ(hold.exit_code, 0) << hold.out << hold.err;
   // The record has the chain: a replay finds the same, whatever is installed since.
   std::filesystem::remove_all(place.folder() / "runs" / "calibrations");
   const Spoken replayed = place.vitreo("replay --json runs/*localize_spiral*");
