@@ -44,12 +44,12 @@ local function entry(look)
   return one
 end
 
-local function judged(rig, run, looks, calibrated, name)
+local function judged(rig, run, looks, calibrated, name, outline)
   local all = {}
   for i, look in ipairs(looks) do
     all[i] = { look = look, place = real_place(rig, run, look) }
   end
-  local found = chain.judge(calibrated, all)
+  local found = chain.judge(calibrated, all, outline)
   if #found.depth == 0 then error(name .. ": no place could be located", 0) end
   run:result(name .. "_depth_median", statistics.median(found.depth), "m")
   run:result(name .. "_depth_90", statistics.percentile(found.depth, 0.9), "m")
@@ -99,7 +99,7 @@ return {
     })
     chain.report(run, made)
     judged(rig, run, further, believed, "before")
-    judged(rig, run, further, made.chain, "after")
-    chain.install(rig, run, made.chain, false)
+    judged(rig, run, further, made.chain, "after", made.outline)
+    chain.install(rig, run, made, false)
   end,
 }

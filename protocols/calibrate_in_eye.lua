@@ -114,12 +114,12 @@ return {
     })
     chain.report(run, made)
     local heights = statistics.map(looks, function(look)
-      local found = chain.locate(made.chain, look)
+      local found = chain.locate(made.chain, look, made.outline)
       return found and found.height_sigma or 0 / 0
     end)
     run:result("height_sigma_median", statistics.median(heights), "m")
     run:headline(("Height above the retina to %s"):format(format_quantity(statistics.median(heights), "m")))
-    chain.install(rig, run, made.chain, true)
+    chain.install(rig, run, made, true)
     if p.further > 0 then work_on(rig, run, servo, made.chain, p) end
   end,
 }

@@ -1,8 +1,10 @@
 -- Steering by hand: the loop holds the robot at the target that the operator points at in the live view (thesis 6.2, figure
 -- 6.7), or takes it along the path that was drawn there; a SpaceMouse moves the depth up and down. `vitreo view` runs this; it
--- ends by the page's STOP, Ctrl-C, or after the duration.
+-- ends by the page's STOP, Ctrl-C, or after the duration. Where the bench was set up by hand the robot is looked at on the retina
+-- first: near it a target would be refused else.
 -- SPDX-License-Identifier: Apache-2.0
 local by_hand = require "session.manual_control"
+local retina = require "calibration.retina"
 local units = require "units"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
@@ -12,12 +14,18 @@ return {
   parameters = {
     duration = { unit = "min", default = 60 * 60 * s, min = 1 * s, max = 5 * 3600 * s, help = "then it ends by itself" },
     within = { unit = "um", default = 300 * um, min = 20 * um, max = 2 * mm, help = "so near, the path's next place is due" },
+    calibrate = retina.parameter "when",
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
   },
   run = function(rig, p, run)
     rig.sample:remove_robot()
     local background = rig:learn_background { frames = 15 }
-    local servo <close> = rig:servo { background = background, field = p.field }
+    local view
+    if retina.wanted(rig, run, p.calibrate) then
+      view = retina.view(rig, run, background, { field = p.field, axis = { 1, 0, 0 }, snapshot = "on the retina" })
+      run:wait(0.2 * s) -- the next loop's currents must not follow these at once
+    end
+    local servo <close> = rig:servo { background = background, field = p.field, view = view }
     local center = vector(0, 0, 0)
     servo:hold(center)
     rig.sample:insert_robot(center)

@@ -7,6 +7,7 @@
 #include "host/engine/installed_calibration.h"
 #include "host/files/run_folder.h"
 #include "host/record/record_json.h"
+#include "host/rig/measured_chain.h"
 #include "host/rig/rig_settings.h"
 #include "host/runs/run_reader.h"
 #include "host/session/script_engine.h"
@@ -94,6 +95,11 @@ RigModel model_of(ScriptEngine& engine, const RunData& data) {
   ConfigReader reader(description);
   const RigSettings settings = read_rig_settings(reader);
   RigModel model = settings.model;
+  // Its warnings were the run's.
+  std::vector<std::string> warnings;
+  if (const std::string chain = text_of(rig, "chain"); !chain.empty())
+    if (auto measured = read_measured_chain(chain, model, warnings))
+      use_measured_chain(model, std::move(measured));
   model.projection =
       optics::fit_single_viewpoint(model.eye, model.microscope, settings.projection_reach);
   if (settings.exact_projection)

@@ -5,6 +5,7 @@
 
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/engine/installed_calibration.h"
 #include "host/record/disk_watch.h"
 #include "host/record/record_json.h"
 #include "host/rig/machine/udev_rules.h"
@@ -61,7 +62,9 @@ machine::Wanted wanted_of(CommandLine& line, Program& program, const DoctorWords
   const DiskLimits limits;
   machine::Wanted wanted;
   if (!words.rig.empty()) {
-    wanted.rig = machine::needs_of(program.engine().load_rig(Program::rig_file(words.rig)));
+    RigDescription rig = program.engine().load_rig(Program::rig_file(words.rig));
+    take_installed_calibration(rig, words.out);
+    wanted.rig = machine::needs_of(rig);
     wanted.rig->rig = words.rig;
   }
   wanted.rules = machine::udev_rules();

@@ -2,6 +2,7 @@
 #include "host/cli/replay.h"
 
 #include "devices/roles/gray.h"
+#include "host/rig/measured_chain.h"
 #include "host/runs/run_reader.h"
 #include "host/servo/localizer.h"
 
@@ -38,20 +39,29 @@ std::vector<Learning> learnings_of(const RunData& data) {
   return learnings;
 }
 
-/// The robot's axis as the servo was set to.
-/// Of the first servo in the record; nothing where none names an axis. A later servo with another
-/// axis is replayed with this one.
-std::optional<Eigen::Vector3d> axis_of(const RunData& data) {
+/// What the servo was set to.
+struct Setting {
+  Eigen::Vector3d axis;   // the robot's
+  double axis_sigma = 0;  // rad; 0: taken for known
+  bool by_chain = false;  // by the measured chain, if the rig had one
+};
+
+/// Of the last servo in the record, as earlier ones may be those of a preparation; nothing where
+/// none names an axis. A servo with other settings is replayed with these.
+std::optional<Setting> setting_of(const RunData& data) {
+  std::optional<Setting> last;
   for (const Event& event : data.events) {
     if (event.kind != "servo") continue;
     const nlohmann::json json = nlohmann::json::parse(event.text, nullptr, false);
     if (!json.is_object() || !json.contains("axis") || !json["axis"].is_array() ||
         json["axis"].size() != 3)
       continue;
-    return Eigen::Vector3d(json["axis"][0].get<double>(), json["axis"][1].get<double>(),
-                           json["axis"][2].get<double>());
+    last = {{json["axis"][0].get<double>(), json["axis"][1].get<double>(),
+             json["axis"][2].get<double>()},
+            json.value("axis_sigma", 0.0),
+            json.value("chain", false)};
   }
-  return {};
+  return last;
 }
 
 /// By the exposure's time: where the loop saw the robot.
@@ -84,10 +94,12 @@ class Player {
  public:
   Player(const RunData& data, const RigModel& model)
       : data_(data), model_(model), learnings_(learnings_of(data)), seen_(seen_then(data)) {
-    if (const auto axis = axis_of(data)) {
-      result_.axis = *axis;
-      result_.axis_known = true;
-    }
+    const auto setting = setting_of(data);
+    if (!setting || !setting->by_chain) model_ = without_measured_chain(std::move(model_));
+    if (!setting) return;
+    result_.axis = setting->axis;
+    result_.axis_known = true;
+    if (setting->by_chain) axis_sigma_ = setting->axis_sigma;
   }
 
   Replay play() {
@@ -135,13 +147,15 @@ class Player {
     ++next_;
     vision::Background learnt = std::exchange(background_, {});
     localizer_.reset();
-    if (learnt.count() >= 2) localizer_.emplace(model_, std::move(learnt), result_.axis);
+    if (learnt.count() >= 2)
+      localizer_.emplace(model_, std::move(learnt), result_.axis, axis_sigma_);
   }
 
   const RunData& data_;
-  const RigModel& model_;
+  RigModel model_;
   const std::vector<Learning> learnings_;
   const std::map<Time, std::optional<Eigen::Vector3d>> seen_;
+  double axis_sigma_ = 0;
   std::size_t next_ = 0;  // of the learnings
   vision::Background background_;
   std::optional<Localizer> localizer_;

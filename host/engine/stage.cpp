@@ -6,6 +6,7 @@
 #include "host/rig/geometry.h"
 #include "host/rig/identities.h"
 #include "host/rig/instrument_file.h"
+#include "host/rig/measured_chain.h"
 #include "host/rig/registry.h"
 #include "host/runs/report.h"
 
@@ -77,6 +78,7 @@ RunStart start_record(const RunRequest& request, const CheckedRequest& checked,
     start.rig["bases"].push_back({{"file", base.file}, {"text", base.text}});
   for (const InstrumentFile& file : instrument_files(description, is_built_in))
     start.rig["instruments"].push_back({{"file", file.path}, {"text", file.text}});
+  if (const auto& chain = stage.rig->rig().model.chain) start.rig["chain"] = chain->text;
   start.versions = versions();
   start.seed = request.how.seed;
   start.operator_name = operator_of(request);

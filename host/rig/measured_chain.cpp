@@ -2,6 +2,7 @@
 #include "host/rig/measured_chain.h"
 
 #include "host/rig/bench_settings.h"
+#include "host/rig/rig_settings.h"
 
 #include <Eigen/Cholesky>
 #include <fmt/format.h>
@@ -9,6 +10,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -140,13 +144,47 @@ std::shared_ptr<const MeasuredChain> read_measured_chain(const std::string& text
       warnings.push_back("model.chain: was measured with another robot, " + robot +
                          ": the size of this one counts as not measured");
     }
+    const double outline = file.value("outline_px", MeasuredChain::kUsualOutline_px);
+    if (!(outline > 0 && outline < 10))
+      throw std::invalid_argument("outline_px must be between 0 and 10 px");
     const bool touched = file.at("touched").get<bool>() && measured_eye == model.eye_id;
     optics::ViewingChain chain(nominal, std::move(numbers.parameters), numbers.theta);
-    return std::make_shared<const MeasuredChain>(MeasuredChain{
-        {std::move(chain), std::move(numbers.covariance)}, touched, model.uncertainty.bench});
+    return std::make_shared<const MeasuredChain>(
+        MeasuredChain{{std::move(chain), std::move(numbers.covariance)},
+                      touched,
+                      model.uncertainty.bench,
+                      outline,
+                      text});
   } catch (const json::exception& problem) {
     throw std::invalid_argument(std::string("is no measured chain: ") + problem.what());
   }
+}
+
+// A key that a base states is relative to the base, so that a rig in another folder can build on
+// it.
+void take_chain(const RigDescription& rig, const std::string& name, RigModel& model,
+                std::vector<std::string>& warnings) {
+  if (name.empty()) return;
+  const std::string file =
+      (std::filesystem::path(rig.source_of("model.chain").file).parent_path() / name).string();
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  if (!stream) throw ConfigError(file + ": the calibration of the viewing chain cannot be read");
+  try {
+    auto chain = read_measured_chain(text.str(), model, warnings);
+    if (chain) use_measured_chain(model, std::move(chain));
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(file + ": " + problem.what());
+  }
+}
+
+std::vector<std::string> warnings_of(const RigDescription& rig) {
+  ConfigReader reader(rig);
+  RigSettings settings = read_rig_settings(reader);
+  std::vector<std::string> warnings = settings.warnings;
+  take_chain(rig, settings.chain, settings.model, warnings);
+  return warnings;
 }
 
 void use_measured_chain(RigModel& model, std::shared_ptr<const MeasuredChain> chain) {

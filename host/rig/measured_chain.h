@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/config/config.h"
 #include "host/rig/rig.h"
 #include "optics/chain/chain_doubt.h"
 
@@ -18,6 +19,11 @@ struct MeasuredChain {
   /// camera saw, whose world it then has.
   bool touched = false;
   BenchUncertainty before{};  // what the rig said of the bench that was measured
+  /// px, of each semi-axis: how far the session's outlines were from this chain's, beside what all
+  /// have in common (its dilation).
+  double outline_px = kUsualOutline_px;
+  static constexpr double kUsualOutline_px = 0.1;  // of a file without it
+  std::string text{};                              // the file's, for a run's record
   /// Of a parameter, in its own unit, 0 where it is held; of two, along x and y, the larger.
   double sigma(const std::string& name) const;
 };
@@ -26,14 +32,23 @@ struct MeasuredChain {
 optics::NominalChain nominal_chain(const RigModel& model);
 
 /// From a file's text: {"about": {"eye", "robot", "pixel", "center", "pupil_power", "tilt"}, "eye",
-/// "touched", "parameters": [{"name", "off", "sigma"}], "covariance"}: SI; `off` and `covariance`
-/// (row by row) are what was found, `sigma` was known before. Nothing where it was measured about
-/// another belief than the rig's; where the eye or the robot is another one, what is theirs is
-/// known no better than before. Both are a line in `warnings`. Throws std::invalid_argument naming
-/// what is wrong.
+/// "touched", "outline_px" (0.1), "parameters": [{"name", "off", "sigma"}], "covariance"}: SI;
+/// `off` and `covariance` (row by row) are what was found, `sigma` was known before. Nothing where
+/// it was measured about another belief than the rig's; where the eye or the robot is another one,
+/// what is theirs is known no better than before. Both are a line in `warnings`. Throws
+/// std::invalid_argument naming what is wrong.
 std::shared_ptr<const MeasuredChain> read_measured_chain(const std::string& text,
                                                          const RigModel& model,
                                                          std::vector<std::string>& warnings);
+
+/// The chain of the file that model.chain names becomes what `model` believes; nothing where none
+/// is named. Throws ConfigError naming the file.
+void take_chain(const RigDescription& rig, const std::string& name, RigModel& model,
+                std::vector<std::string>& warnings);
+
+/// What the rig file and the chain that it names say for nothing or against each other: keys that
+/// nothing reads, what is drawn and said to be known. Opens nothing. Throws ConfigError.
+std::vector<std::string> warnings_of(const RigDescription& rig);
 
 /// The model with that chain, and with what is left of the bench's uncertainty.
 void use_measured_chain(RigModel& model, std::shared_ptr<const MeasuredChain> chain);

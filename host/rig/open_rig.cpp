@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <sstream>
 #include <utility>
@@ -371,27 +372,16 @@ control::MultipoleField model_calibration(const std::string& file,
   }
 }
 
-/// What a calibration of the viewing chain found becomes what the loop believes.
-void take_chain(const RigDescription& rig, RigSettings& settings,
-                std::vector<std::string>& warnings) {
-  if (settings.chain.empty()) return;
-  const std::string file = beside(rig, "model.chain", settings.chain);
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  if (!stream) throw ConfigError(file + ": the calibration of the viewing chain cannot be read");
-  try {
-    auto chain = read_measured_chain(text.str(), settings.model, warnings);
-    if (chain) use_measured_chain(settings.model, std::move(chain));
-  } catch (const std::invalid_argument& problem) {
-    throw ConfigError(file + ": " + problem.what());
-  }
-}
-
 /// A calibration changes what the loop believes; the simulated cameras stay as the rig file has
 /// them.
 void keep_simulated_cameras(const RigDescription& rig, sim::LaboratorySettings& laboratory) {
-  for (const Calibration& one : Calibrations::of(rig).list) {
+  const Calibrations calibrations = Calibrations::of(rig);
+  for (const Calibration& one : calibrations.list) {
+    // A rig file without a pupil has a telecentric microscope.
+    if (one.name == "top_camera.microscope.pupil_distance" &&
+        (one.instead_of || (calibrations.installed && one.file == calibrations.installed->file)))
+      laboratory.microscope.pupil_distance =
+          one.instead_of.value_or(std::numeric_limits<double>::infinity());
     if (!one.instead_of) continue;
     // `instead_of` is what the rig file itself says: in a simulated laboratory that is how the
     // camera was built, and the calibration what was measured of it.
@@ -456,7 +446,7 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   if (!settings.field_calibration.empty())
     settings.model.field = laboratory.believed_field = model_calibration(
         beside(description, "model.calibration", settings.field_calibration), warnings);
-  take_chain(description, settings, warnings);
+  take_chain(description, settings.chain, settings.model, warnings);
   keep_simulated_cameras(description, laboratory);
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;

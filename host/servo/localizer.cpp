@@ -41,15 +41,19 @@ optics::ObjectModel body_of(const control::Robot& robot) {
 }
 
 /// m^2: how well it is known where the eye stands in the world. A chain that was measured by places
-/// of a side camera, which looks along y, has its x and z: as its scale and its turn have them.
+/// of a side camera, which looks along y, has its x and z: as its scale s and its turn t have them,
+/// (s x + t z, s z - t x).
 Eigen::Matrix3d place_covariance(const RigModel& model, const Eigen::Vector3d& position_in_eye,
                                  bool measured) {
   const ViewUncertainty& known = model.uncertainty;
   Eigen::Vector3d sigma = Eigen::Vector3d::Constant(known.eye);
-  if (measured && !model.chain->touched)
-    sigma.x() = sigma.z() =
-        std::hypot(known.pixel, known.tilt) * (position_in_eye + model.eye_in_world).norm();
-  return sigma.cwiseAbs2().asDiagonal();
+  if (!measured || model.chain->touched) return sigma.cwiseAbs2().asDiagonal();
+  const Eigen::Vector3d place = position_in_eye + model.eye_in_world;
+  const Eigen::Vector3d by_scale = known.pixel * Eigen::Vector3d(place.x(), 0, place.z());
+  const Eigen::Vector3d by_turn = known.tilt * Eigen::Vector3d(place.z(), 0, -place.x());
+  sigma.x() = sigma.z() = 0;
+  return Eigen::Matrix3d(sigma.cwiseAbs2().asDiagonal()) + by_scale * by_scale.transpose() +
+         by_turn * by_turn.transpose();
 }
 
 /// A robot is put in with one of its plates level; along the line of sight, with one along y.

@@ -38,10 +38,16 @@ Servo::Servo(Clock& clock, Rig& rig, Recorder& recorder, ServoCameras cameras,
   settings.check();
   check_coils(rig);
   loop_ = std::make_unique<Loop>(clock, rig, recorder, std::move(cameras), settings);
-  const Eigen::Vector3d& axis = settings.axis;  // a replay of the frames needs it
+  // A replay of the frames needs these. A look on the retina corrects the centered optics: such a
+  // loop does without a measured chain.
+  const Eigen::Vector3d& axis = settings.axis;
+  const ViewCorrection& view = settings.view;
+  const bool by_chain =
+      rig.model.chain && view.image_scale == 1 && view.offset.isZero() && !view.eye;
   recorder.event(clock.now(), "servo",
                  nlohmann::json{{"axis", {axis.x(), axis.y(), axis.z()}},
                                 {"axis_sigma", settings.axis_uncertainty()},
+                                {"chain", by_chain},
                                 {"field", settings.field}}
                      .dump());
   loop_->task = clock.spawn("servo", [loop = loop_.get()] { loop->run(); });

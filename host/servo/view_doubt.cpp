@@ -15,7 +15,7 @@ namespace vitreo {
 namespace {
 
 /// px, of the outline of crossed plates against the ellipsoid's: common to all frames, and what is
-/// left from pose to pose (docs/figures.md).
+/// left from pose to pose (docs/figures.md). A measured chain has its own of both.
 constexpr double kCommonOutline_px = 0.15;
 constexpr double kChangingOutline_px = 0.1;
 
@@ -92,9 +92,9 @@ vision::EllipseMeasurement outline_at(const optics::ViewingChain& chain,
 // A look on the retina puts the centered optics right, not a measured chain.
 ViewDoubt::ViewDoubt(const RigModel& model, const Eigen::Vector3d& axis, ViewCalibration calibrated)
     : measured_(model.chain && calibrated == ViewCalibration::none),
-      belief_(measured_
-                  ? model.chain->belief
-                  : optics::prior_belief(nominal_chain(model), sigmas_of(model, calibrated))) {
+      belief_(measured_ ? model.chain->belief
+                        : optics::prior_belief(nominal_chain(model), sigmas_of(model, calibrated))),
+      outline_px_(measured_ ? model.chain->outline_px : kChangingOutline_px) {
   const bool has_pixel = model.uncertainty.pixel > 0 || model.uncertainty.bench.pixel > 0;
   const bool scale = calibrated == ViewCalibration::scale && has_pixel;
   if (!scale && calibrated != ViewCalibration::eye) return;
@@ -116,7 +116,7 @@ std::optional<SystematicDoubt> ViewDoubt::systematic(const Eigen::Vector3d& posi
                                                      const Eigen::Vector3d& axis,
                                                      const vision::EllipseMeasurement& seen,
                                                      bool estimated_axis, double axis_sigma) const {
-  const optics::OutlineSeen outline{seen.ellipse.vector(), seen.covariance, kChangingOutline_px,
+  const optics::OutlineSeen outline{seen.ellipse.vector(), seen.covariance, outline_px_,
                                     estimated_axis ? axis_sigma : kTakenAxis};
   const auto doubt = optics::position_doubt(
       belief_, {position_in_eye, axis, seen.ellipse.center_px}, outline,
@@ -129,7 +129,7 @@ std::optional<Eigen::Vector3d> ViewDoubt::located(const Eigen::Vector3d& start,
                                                   const Eigen::Vector3d& axis,
                                                   const vision::EllipseMeasurement& seen,
                                                   double axis_sigma) const {
-  const optics::OutlineSeen outline{seen.ellipse.vector(), seen.covariance, kChangingOutline_px,
+  const optics::OutlineSeen outline{seen.ellipse.vector(), seen.covariance, outline_px_,
                                     axis_sigma > 0 ? axis_sigma : kTakenAxis};
   return optics::locate_in_chain(belief_.chain, outline, axis, start);
 }

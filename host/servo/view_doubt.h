@@ -74,6 +74,7 @@ class ViewDoubt {
  private:
   bool measured_ = false;
   optics::ChainBelief belief_;
+  double outline_px_;  // of each semi-axis, from pose to pose
 };
 
 }  // namespace vitreo

@@ -8,8 +8,10 @@ local json = require "json"
 local um, mm = units.um, units.mm
 local chain = {}
 
---- px, of each semi-axis: how far the outline of crossed plates is from an ellipsoid's, beside what is common to all.
+--- px, of each semi-axis: how far the outline of crossed plates is from an ellipsoid's, beside what is common to all. A session
+--- finds its own, not below a third of this: what a tracker's rim is known to on pictures (docs/vision.md).
 chain.contour_sigma = 0.15
+local least_factor = 1 / 3
 
 --- m, of the plane in focus of a microscope that was focused by eye.
 chain.focus_sigma = 0.5 * mm
@@ -147,10 +149,23 @@ end
 
 local function explained(made) return made.status == "found" or made.status == "ambiguous" end
 
+-- By what factor outlines are nearer to the model's than believed: the smallest by which chi square is at most its degrees of
+-- freedom. What is claimed of outlines is part of every position's uncertainty, and weighs the looks against what else is known.
+local function nearer(believed, session, made)
+  local factor = least_factor
+  while factor < 0.9 do
+    local other = believed:calibrate(with_outlines(session, factor))
+    if explained(other) and other.chi2 <= other.degrees_of_freedom then return other, factor end
+    factor = 1.5 * factor
+  end
+  return made, 1
+end
+
 --- Calibrates a chain by a session, as viewing_chain:calibrate takes it. A session that no chain explains is refused with its
 --- cause. Where it is a few looks (a place that the other camera had wrong, another thing for the robot), they are named and
---- left out, a tenth of them at most. Else outlines are taken for as far from the model's as the session says, up to three times
---- `chain.contour_sigma`, which makes every uncertainty larger; what does not fit then is wrong by more than an outline.
+--- left out, a tenth of them at most. Outlines are taken for as far from the model's as the session says, from a third of
+--- `chain.contour_sigma` to three times as much, which every uncertainty follows; what does not fit then is wrong by more than an
+--- outline. Returns what viewing_chain:calibrate says, with `outline`, in px, beside it.
 function chain.calibrate(run, believed, session)
   local made, factor = believed:calibrate(session), 1
   local bad = made.outliers
@@ -166,10 +181,14 @@ function chain.calibrate(run, believed, session)
     factor = factor + 0.5
     made = believed:calibrate(with_outlines(session, factor))
   end
+  if factor == 1 and explained(made) then
+    made, factor = nearer(believed, session, made)
+  end
   run:result("session_outliers", #bad)
   run:result("session_outline_factor", factor)
   if explained(made) then
-    if factor > 1 then run:note(("outlines are %.1f times as far from the model's as believed"):format(factor)) end
+    if factor ~= 1 then run:note(("outlines are %.1f times as far from the model's as believed"):format(factor)) end
+    made.outline = factor * chain.contour_sigma
     return made
   end
   local cause = made.status == "not_converged" and "the estimate did not come to rest"
@@ -218,12 +237,12 @@ function chain.report(run, made)
   if #made.unobserved > 0 then run:note("not observed: " .. table.concat(made.unobserved, ", ")) end
 end
 
---- Writes what a calibration found to chain.json in the run's folder, as the rig's model.chain takes it, and installs it where
+--- Writes what chain.calibrate `made` to chain.json in the run's folder, as the rig's model.chain takes it, and installs it where
 --- the rig names a file for that. `touched`: landings on the retina are in it; else a side camera's places. It is in force from
 --- the next start on, for this eye and this robot, while the rig believes the same of scale and microscope.
-function chain.install(rig, run, calibrated, touched)
+function chain.install(rig, run, made, touched)
   local model, parameters = rig:model(), {}
-  for i, one in ipairs(calibrated:parameters()) do
+  for i, one in ipairs(made.chain:parameters()) do
     parameters[i] = { name = one.parameter, off = one.off, sigma = one.prior_sigma }
   end
   local distance, tilt = model.microscope.pupil_distance, model.microscope.tilt
@@ -239,8 +258,9 @@ function chain.install(rig, run, calibrated, touched)
     about = about,
     eye = model.eye_id,
     touched = touched,
+    outline_px = made.outline,
     parameters = parameters,
-    covariance = calibrated:covariance(),
+    covariance = made.chain:covariance(),
   } .. "\n")
   local installed = run:install_calibration { values = {}, files = { ["model.chain"] = "chain.json" } }
   if installed then run:note("the next start locates by the chain that was measured, from " .. installed) end
@@ -258,12 +278,13 @@ function chain.places(rig, count, reach, low, high)
   return places
 end
 
---- Where a chain puts the robot of a look, as viewing_chain:locate says it; nothing outside.
-function chain.locate(calibrated, look)
+--- Where a chain puts the robot of a look, as viewing_chain:locate says it; nothing outside. `outline`: px, of each semi-axis
+--- (`chain.contour_sigma`).
+function chain.locate(calibrated, look, outline)
   return calibrated:locate {
     ellipse = { u = look.u, v = look.v, semi_major = look.semi_major, semi_minor = look.semi_minor, angle = look.angle },
     axis = look.axis,
-    contour_sigma = chain.contour_sigma,
+    contour_sigma = outline or chain.contour_sigma,
   }
 end
 
@@ -287,11 +308,11 @@ function chain.refine(run, calibrated, looks, times)
 end
 
 --- Judges a chain by new looks: {look =, place =} each, with the robot's place in the eye's frame by truth or side camera.
---- Returns errors in depth and aside, and the part of depths within their 95 % interval.
-function chain.judge(calibrated, looks)
+--- Returns errors in depth and aside, and the part of depths within their 95 % interval. `outline` as chain.locate has it.
+function chain.judge(calibrated, looks, outline)
   local depth, aside, within, fits = {}, {}, 0, 0
   for _, one in ipairs(looks) do
-    local found = chain.locate(calibrated, one.look)
+    local found = chain.locate(calibrated, one.look, outline)
     if found then
       local error = found.position - one.place
       depth[#depth + 1], aside[#aside + 1] = math.abs(error.z), math.abs(error.x)

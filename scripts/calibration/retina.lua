@@ -127,9 +127,16 @@ function retina.by_hand(rig)
   return rig.top_camera ~= nil and not model.plain_view and model.uncertainty.bench.places == "by_hand"
 end
 
+--- Whether the loop locates by a chain that calibrate_bench or calibrate_in_eye have installed.
+function retina.measured(rig) return rig:model().uncertainty.bench.places == "measured" end
+
 --- By how much a square's center is higher there: a look in the middle of the retina tells nothing of where the picture stands
---- aside, 0.8 mm of such a bench, which at the corners is 0.3 mm of distance to the retina, one sigma (docs/safety.md).
-function retina.room(rig) return vector(0, 0, retina.by_hand(rig) and 0.5 * mm or 0) end
+--- aside, 0.8 mm of such a bench, which at the corners is 0.3 mm of distance to the retina, one sigma (docs/safety.md). A chain that
+--- was measured by a side camera leaves the retina where it may be, to 0.3 mm; one with landings in it does not.
+function retina.room(rig)
+  local open = retina.measured(rig) and rig:model().uncertainty.bench.retina_depth > 0.1 * mm
+  return vector(0, 0, (retina.by_hand(rig) or open) and 0.5 * mm or 0)
+end
 
 --- Whether to look, by that parameter; says why in the record where the bench is why. Where the retina of a bench that was set up
 --- by hand stands is known to 0.3 mm, and what the robot's size in the image says of its height to as much again: near it a loop

@@ -43,6 +43,25 @@ TEST(DoctorCommand, ItsCodeIsThatOfWhatItFound) {
   EXPECT_EQ(place.vitreo("doctor --root silent").exit_code, 8) << "no rules";
 }
 
+TEST(DoctorCommand, NamesWhatTheRigsFileSaysInVain) {
+  const Workplace place;
+  place.write("odd.lua", R"(return {
+    base = "plain_sight",
+    model = { uncertainty = { bench = { lens_tilt = 0.01 } } },
+  })");
+  const auto finding_of = [&place](const std::string& rig) {
+    const Spoken spoken = place.vitreo("doctor --json --root / --rig " + rig);
+    for (auto finding : nlohmann::json::parse(spoken.out))
+      if (finding["check"] == "rig") return finding;
+    return nlohmann::json{{"state", "none"}, {"found", ""}};
+  };
+  EXPECT_EQ(finding_of("plain_sight")["state"], "none");
+  const auto odd = finding_of("odd.lua");
+  EXPECT_EQ(odd["state"], "warning");
+  EXPECT_NE(odd["found"].get<std::string>().find("lens_tilt: nothing reads it"), std::string::npos)
+      << odd;
+}
+
 TEST(DoctorCommand, RefusesARigOrARootThatIsNotThere) {
   const Workplace place;
   for (const char* const words : {"--rig nowhere", "--root nowhere"}) {

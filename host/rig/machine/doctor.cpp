@@ -68,6 +68,10 @@ Findings examine(const Machine& machine, const Wanted& wanted) {
   Scene scene{machine, wanted, user_of(machine), find_devices(machine), {}};
   scene.uses = uses(machine, scene.devices, wanted.rig);
   Findings all;
+  // What is odd of the rig's own file comes first; a file that is not says nothing.
+  if (wanted.rig)
+    for (const std::string& warning : wanted.rig->warnings)
+      all.push_back({"rig", State::warning, warning});
   for (const Row& row : rows_of_checks()) {
     if (!concerns(row, scene)) continue;
     Findings found = row.check(scene);

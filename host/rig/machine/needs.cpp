@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/machine/needs.h"
 
+#include "host/rig/measured_chain.h"
 #include "host/rig/plugged_in.h"
 #include "host/rig/registry.h"
 #include "host/rig/rig_settings.h"
@@ -133,7 +134,7 @@ std::vector<Use> plugged_in(const Devices& devices) {
 RigNeeds needs_of(const RigDescription& description) {
   ConfigReader reader(description);
   read_rig_settings(reader);
-  RigNeeds needs{description.file, {}};
+  RigNeeds needs{description.file, {}, warnings_of(description)};
   for (const auto& [role, settings] : reader.resolved().items())
     if (settings.is_object() && settings.contains("driver")) add(needs.all, role, settings);
   return needs;

@@ -26,6 +26,7 @@ struct Need {
 struct RigNeeds {
   std::string rig;  // its name or file, as a user gives it
   std::vector<Need> all;
+  std::vector<std::string> warnings{};  // of what its file says (host/rig/measured_chain.h)
 };
 
 /// Emulated and recorded instruments need nothing. Opens nothing. Throws ConfigError.

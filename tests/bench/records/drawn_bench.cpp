@@ -70,10 +70,12 @@ sim::LaboratorySettings truth_of(const BenchKind& kind, std::uint64_t seed) {
 }  // namespace
 
 DrawnBench::DrawnBench(const BenchKind& kind, std::uint64_t seed)
-    : model_(model_of(kind)),
-      truth_(truth_of(kind, seed)),
-      size_(sim::sample_plant(truth_.sigmas, seed).size),
-      renderer_(renderer()) {}
+    : model_(model_of(kind)), truth_(truth_of(kind, seed)), renderer_(renderer()) {
+  const sim::PlantSample plant = sim::sample_plant(truth_.sigmas, seed);
+  size_ = plant.size;
+  side_scale_ = 1 / plant.side_pixel;
+  side_turn_ = plant.side_turn;
+}
 
 sim::Renderer DrawnBench::renderer() {
   sim::View view = sim::eye_view(truth_.eye, truth_.microscope, truth_.top_image, truth_.top.size,
@@ -100,6 +102,10 @@ cv::Mat DrawnBench::picture(const Eigen::Vector3d& place, const Eigen::Vector3d&
   const sim::BodyState body{place, axis, model_.robot.semi_axis * size_,
                             model_.robot.semi_radius * size_, level};
   return renderer_.render({{body, body, look}}, ++frame_);
+}
+
+Eigen::Vector3d DrawnBench::by_side_camera(const Eigen::Vector3d& place) const {
+  return side_scale_ * (Eigen::AngleAxisd(side_turn_, Eigen::Vector3d::UnitY()) * place);
 }
 
 Eigen::Vector3d DrawnBench::on_the_retina() const {

@@ -32,6 +32,8 @@ class DrawnBench {
   cv::Mat picture(const Eigen::Vector3d& place, const Eigen::Vector3d& axis);
   /// Where a robot lies on the true retina's middle, m, world.
   Eigen::Vector3d on_the_retina() const;
+  /// Where a side camera has it, whose scale and turn are drawn: x and z; y as it is.
+  Eigen::Vector3d by_side_camera(const Eigen::Vector3d& place) const;
   double size() const { return size_; }  // factor
   const sim::LaboratorySettings& truth() const { return truth_; }
 
@@ -41,6 +43,7 @@ class DrawnBench {
   RigModel model_;
   sim::LaboratorySettings truth_;
   double size_ = 1;
+  double side_scale_ = 1, side_turn_ = 0;  // of what the camera shows over what there is; rad
   sim::Renderer renderer_;
   std::uint64_t frame_ = 0;
 };

@@ -8,7 +8,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <random>
 #include <vector>
@@ -41,7 +43,7 @@ std::optional<optics::ChainLook> look_at(DrawnBench& bench, RobotEye& eye, std::
   look.seen.contour_sigma_px = kContour;
   look.seen.axis_sigma = kTakenAxis;
   look.axis = kAlongX;
-  look.known = place - bench.model().eye_in_world +
+  look.known = bench.by_side_camera(place) - bench.model().eye_in_world +
                kSide * Eigen::Vector3d(normal(random), 0, normal(random));
   look.known_sigma = {kSide, std::numeric_limits<double>::infinity(), kSide};
   return look;
@@ -61,25 +63,43 @@ optics::ChainSession session_of(DrawnBench& bench, int places, std::uint64_t see
   return session;
 }
 
+bool is_explained(const optics::ChainEstimate& made) {
+  return made.status == optics::SessionStatus::found ||
+         made.status == optics::SessionStatus::ambiguous;
+}
+
+/// As scripts/calibration/chain.lua: by how much outlines are nearer than believed.
+double nearer(optics::ChainEstimate& made,
+              const std::function<optics::ChainEstimate(double)>& estimated) {
+  const double degrees = std::max(made.degrees_of_freedom, 1);
+  for (double factor = 1. / 3; factor < 0.9; factor *= 1.5) {
+    optics::ChainEstimate other = estimated(factor);
+    if (!is_explained(other) || other.chi2 > degrees) continue;
+    made = std::move(other);
+    return factor;
+  }
+  return 1;
+}
+
 }  // namespace
 
 std::optional<std::string> measured_file(DrawnBench& bench, int places, std::uint64_t seed) {
   const RigModel& model = bench.model();
   optics::ChainSession session = session_of(bench, places, seed);
   if (session.looks.size() < 10) return std::nullopt;
-  optics::ChainEstimate made = optics::estimate_chain(nominal_chain(model), {}, session);
-  const auto explained = [&] {
-    return made.status == optics::SessionStatus::found ||
-           made.status == optics::SessionStatus::ambiguous;
-  };
-  for (double factor = 2; factor <= 3 && !explained(); ++factor) {
+  const auto estimated = [&](double factor) {
     for (auto& look : session.looks) look.seen.contour_sigma_px = factor * kContour;
-    made = optics::estimate_chain(nominal_chain(model), {}, session);
-  }
-  if (!explained()) return std::nullopt;
+    return optics::estimate_chain(nominal_chain(model), {}, session);
+  };
+  optics::ChainEstimate made = estimated(1);
+  double outline = 1;
+  while (!is_explained(made) && outline < 3) made = estimated(++outline);
+  if (!is_explained(made)) return std::nullopt;
+  if (outline == 1) outline = nearer(made, estimated);
   const auto& parameters = made.belief.chain.parameters();
   const Eigen::Index size = made.belief.chain.size();
-  nlohmann::json file{{"eye", model.eye_id}, {"touched", false}};
+  nlohmann::json file{
+      {"eye", model.eye_id}, {"touched", false}, {"outline_px", outline * kContour}};
   file["about"] = {{"eye", model.eye_name},
                    {"robot", model.robot.name},
                    {"pixel", model.top_image.pixel},

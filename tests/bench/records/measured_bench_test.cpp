@@ -72,6 +72,9 @@ TEST(MeasuredBench, IsWithinWhatTheLocalizerStatesAfterwardsAndThatIsAFractionOf
   const Eigen::Vector3d ratio = before.median().cwiseQuotient(after.median());
   EXPECT_GT(ratio.x(), 10) << "by the side camera's own places";
   EXPECT_GT(ratio.z(), 4);
+  // Outlines are as near to the chain's as the sessions had them, some 0.05 px: with the 0.15 that
+  // a session believes before and the 0.1 of a loop it was 64.
+  EXPECT_LT(after.median().z(), 52e-6);
   std::printf("within 95 %%: %d, %d, %d of %d; sigma %.0f, %.0f, %.0f -> %.0f, %.0f, %.0f um\n",
               after.within.x(), after.within.y(), after.within.z(), after.places,
               1e6 * before.median().x(), 1e6 * before.median().y(), 1e6 * before.median().z(),
@@ -103,6 +106,44 @@ TEST_F(OneBench, OfAnotherEyeWhatIsTheEyesCountsAsNotMeasured) {
   EXPECT_DOUBLE_EQ(other->sigma("eye_rotation"), 0.052);
   EXPECT_DOUBLE_EQ(other->sigma("retina_depth"), 0.3e-3);
   EXPECT_DOUBLE_EQ(same->sigma("pixel"), other->sigma("pixel")) << "the microscope is the same";
+}
+
+/// m, one sigma of a position at `place` by the chain of the file.
+Eigen::Vector3d stated(DrawnBench& bench, RigModel model, std::shared_ptr<const MeasuredChain> by,
+                       const Eigen::Vector3d& place) {
+  use_measured_chain(model, std::move(by));
+  Localizer localizer(model, bench.background(), kX, 0.07);
+  const Observation seen = localizer.look(bench.picture(place, kX));
+  return seen.position ? Eigen::Vector3d(seen.covariance.diagonal().cwiseSqrt())
+                       : Eigen::Vector3d::Constant(-1);
+}
+
+TEST_F(OneBench, HowFarOutlinesAreFromTheChainsIsWhatTheSessionSays) {
+  const Eigen::Vector3d place(1e-3, 0, 0);
+  file["outline_px"] = 0.05;
+  const Eigen::Vector3d near = stated(bench, model, read(), place);
+  file["outline_px"] = 0.3;
+  const Eigen::Vector3d far = stated(bench, model, read(), place);
+  ASSERT_GT(near.z(), 0);
+  EXPECT_GT(far.z(), 2.5 * near.z());
+  file.erase("outline_px");  // of a file that was written before
+  const Eigen::Vector3d unsaid = stated(bench, model, read(), place);
+  EXPECT_GT(unsaid.z(), near.z());
+  EXPECT_LT(unsaid.z(), far.z());
+  file["outline_px"] = 0;
+  EXPECT_THROW(read(), std::invalid_argument);
+}
+
+// A camera that looks along y shows no y, whatever its scale; what it has wrong by scale and turn
+// is nothing in the world's middle.
+TEST_F(OneBench, TheSideCamerasScaleAndTurnCountByXAndZOfThePlace) {
+  model.uncertainty.pixel = model.uncertainty.tilt = 0.05;
+  const Eigen::Vector3d aside = stated(bench, model, read(), {0, 1.5e-3, 0});
+  const Eigen::Vector3d along = stated(bench, model, read(), {1.5e-3, 0, 0});
+  ASSERT_GT(aside.x(), 0);
+  EXPECT_LT(aside.x(), 30e-6);
+  EXPECT_NEAR(along.x(), 0.05 * 1.5e-3, 15e-6);
+  EXPECT_GT(along.z(), 0.05 * 1.5e-3);
 }
 
 TEST_F(OneBench, OfAnotherRobotItsSizeCountsAsNotMeasured) {

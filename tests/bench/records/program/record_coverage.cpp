@@ -1,8 +1,10 @@
 // Coverage of what a loop's localizer states of its positions, on drawn benches: pictures of a
 // robot at known places, located as the servo does. Usage: record_coverage BENCHES [PLACES
 // [FIRST_SEED [sampled|believed [known|table_5_1 [told|untold [measured]]]]]]. untold: a rig that
-// says that its bench is known; measured: after a calibration by both cameras, too.
+// says that its bench is known; measured: after a calibration by both cameras, too; alone: only
+// that.
 // SPDX-License-Identifier: Apache-2.0
+#include "host/rig/measured_chain.h"
 #include "host/servo/believed_view.h"
 #include "host/servo/localizer.h"
 #include "optics/calibration/camera_calibration.h"
@@ -12,6 +14,7 @@
 #include <Eigen/Dense>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -33,6 +36,8 @@ struct Tally {
   ViewCalibration calibrated = ViewCalibration::none;
   std::vector<Eigen::Vector3d> errors{};
   std::vector<Eigen::Vector3d> sigmas{};
+  // Variances of the frame's noise, of attitude and outline, and of all that stays.
+  std::vector<std::array<Eigen::Vector3d, 3>> parts{};
   std::vector<double> squares{};
   std::vector<std::size_t> begins{};  // of each bench in them
   int lost = 0;
@@ -75,10 +80,19 @@ void print_axis(const Tally& tally, int axis) {
     error.push_back(std::abs(tally.errors[i][axis]) / kUm);
     sigma.push_back(tally.sigmas[i][axis] / kUm);
   }
-  std::printf("  %c %5.1f %% (%.0f to %.0f), sigma %4.0f / %4.0f, error %4.0f / %4.0f um\n",
+  std::printf("  %c %5.1f %% (%.0f to %.0f), sigma %4.0f / %4.0f, error %4.0f / %4.0f um",
               "xyz"[axis], 100 * a / n, 100 * quantile(parts, 0.025), 100 * quantile(parts, 0.975),
               quantile(sigma, 0.5), quantile(sigma, 0.9), quantile(error, 0.5),
               quantile(error, 0.9));
+  double square = 0;
+  for (std::size_t i = 0; i < tally.errors.size(); ++i)
+    square += std::pow(tally.errors[i][axis] / tally.sigmas[i][axis], 2) / n;
+  std::array<std::vector<double>, 3> split;
+  for (const auto& one : tally.parts)
+    for (std::size_t k = 0; k < 3; ++k)
+      split[k].push_back(std::sqrt(std::max(0.0, one[k][axis])) / kUm);
+  std::printf("; mean square %.2f; noise %.0f, attitude and outline %.0f, chain and place %.0f\n",
+              square, quantile(split[0], 0.5), quantile(split[1], 0.5), quantile(split[2], 0.5));
 }
 
 void print(const Tally& tally) {
@@ -189,6 +203,9 @@ void take(DrawnBench& bench, const std::vector<Place>& places, bool told, std::u
     const Eigen::Vector3d error = *seen.position - place.at;
     tally.errors.push_back(error);
     tally.sigmas.push_back(seen.covariance.diagonal().cwiseSqrt());
+    tally.parts.push_back({(seen.covariance - seen.systematic).diagonal(),
+                           seen.by_attitude.diagonal(),
+                           (seen.systematic - seen.by_attitude).diagonal()});
     tally.squares.push_back(error.dot(seen.covariance.ldlt().solve(error)));
   }
   if (tally.begins.back() == tally.errors.size()) tally.begins.pop_back();
@@ -212,10 +229,11 @@ int main(int argc, char** argv) {
                          {"axis estimated, not calibrated", 0.07, ViewCalibration::none},
                          {"axis estimated, scale", 0.07, ViewCalibration::scale},
                          {"axis estimated, eye", 0.07, ViewCalibration::eye}};
-  if (argc > 7 && std::strcmp(argv[7], "measured") == 0) {
+  if (argc > 7) {
     all.push_back({"axis taken, chain measured", 0, ViewCalibration::none});
     all.push_back({"axis estimated, chain measured", 0.07, ViewCalibration::none});
     all[4].measured = all[5].measured = true;
+    if (std::strcmp(argv[7], "alone") == 0) all.erase(all.begin(), all.begin() + 4);
   }
   for (int k = 0; k < benches; ++k) {
     const auto seed = static_cast<std::uint64_t>(first + k);
