@@ -29,6 +29,10 @@ constexpr double kFlipped = 1e-4;
 constexpr double kHeadShare = 0.4;
 constexpr double kSureHead = 0.99;
 constexpr double kWholeRim = 0.6;
+// Of the work of a look at the trained size: what does not grow with the size, and what reading the
+// colors in the gate is.
+constexpr double kAnyLook = 0.5;
+constexpr double kColorsAlone = 0.25;
 
 bool within_share(double value, double mean, double share) {
   return std::abs(value - mean) <= share * mean;
@@ -75,6 +79,21 @@ bool ColorTracker::State::in_image(const Ellipse& e) const {
   return e.center_px.allFinite() && e.center_px.x() >= 0 && e.center_px.y() >= 0 &&
          e.center_px.x() <= model.image_size.width - 1 &&
          e.center_px.y() <= model.image_size.height - 1;
+}
+
+// A look at the object by its size: gate and front grow with it.
+double ColorTracker::State::look_work(const Eigen::Vector2d& axes) const {
+  return kAnyLook + (1 - kAnyLook) * std::sqrt(axes.prod() / trained_axes().prod());
+}
+
+// Of a gate in which nothing is the object's, or all of it, only the colors are read.
+Observation ColorTracker::State::observe(const cv::Mat& image, const Ellipse& start, double gate_px,
+                                         const EllipsePrior& prior, const Owned& owned,
+                                         bool from_front) {
+  const Observation seen = view.observe(image, start, gate_px, prior, owned, from_front);
+  const double whole = look_work({start.semi_major_px, start.semi_minor_px});
+  work += seen.segment.area_px > 0 ? whole : kColorsAlone * whole;
+  return seen;
 }
 
 // Validation gate of a measurement: share of the rim, jump from the prediction, change of the axes
@@ -150,6 +169,7 @@ void ColorTracker::State::report(const cv::Mat& image, const Judged& look, Track
   believed = last;
   believed_axes_px = axes_px;
   agreed = 0;
+  other_waits = true;
   state = TrackState::tracking;
   track.measured = calibrated(look);
   track.support = look.seen.support;
@@ -280,6 +300,7 @@ Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
           "owned: must be 8-bit gray of the image's size");
   Track track;
   track.self_measured = s.settings.view.refine;
+  s.work = 0;
   if (s.settings.adapt) s.light.next(s.model.light, image);
   track.light = s.light.gains();
   s.view.set_light(track.light);
@@ -296,6 +317,7 @@ Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   if (!found && (s.state == TrackState::searching || s.state == TrackState::lost))
     found = s.anywhere(image, owned, track);
   track.state = s.state;
+  track.work = s.work;
   return track;
 }
 

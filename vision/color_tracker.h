@@ -62,6 +62,8 @@ struct TrackMemory {
   Eigen::Vector2d axes_px{0, 0};           ///< slow mean of the measured semi-axes
   double growth = 0;                       ///< of both, natural logarithm per frame
   unsigned size_turn = 0;                  ///< counts the sizes that were searched
+  unsigned searches = 0;                   ///< counts the images that were searched as a whole
+  bool other_waits = true;                 ///< another way has work kept for it in the next one
   int unseen = 0;                          ///< frames since the last measurement
   Ellipse believed;                        ///< `last`, of the last frame that was tracked
   Eigen::Vector2d believed_axes_px{0, 0};  ///< and `axes_px`
@@ -102,11 +104,14 @@ struct Track {
   std::optional<TipMeasurement> tip;  ///< with the heading
   double area_px = 0;                 ///< of the level set's largest part
   int iterations = 0;
+  double work = 0;  ///< what the image cost, in looks at the trained size; bounds its time
   LogColor light = LogColor::Zero();  ///< gains of blue, green, red that the look reckoned with
 };
 
 class ColorTracker {
  public:
+  /// Of Track::work. What is left to be done then waits for the next image.
+  static constexpr double kMostWork = 5.5;
   /// Throws std::invalid_argument naming the setting.
   ColorTracker(ObjectModel model, const ColorTrackerSettings& settings);
   ~ColorTracker();

@@ -11,13 +11,15 @@ namespace {
 
 // Sizes that are searched besides the known one, in turn.
 constexpr std::array<double, 5> kSizes{0.7, 1.4, 0.5, 2.0, 1.0};
-// What a frame's search may cost, in looks at a candidate; a search of the image costs as much as
-// one for an object of kOneLook_px semi-minor axis, and more where it has smaller cells.
-constexpr int kFrameWork = 9;
-constexpr double kOneLook_px = 15;
-constexpr int kMostSearchWork = 4;
+// Of a search of 640 x 480 px for an object of kSearched_px semi-minor axis, in looks at the
+// trained size; cells are as wide as the object is thin, of 2 px at least, of 8 px at most.
+constexpr double kSearchWork = 0.8;
+constexpr double kSearched_px = 15;
+constexpr double kLeastSearchWork = 0.3;
+constexpr double kMostSearchWork = 1.8;
 constexpr int kLooksEach = 2;        // at a candidate
 constexpr double kOtherSize = 0.22;  // natural logarithm, from which a size is another one
+constexpr double kSameSize = 0.05;   // and below which a search need not be done twice
 // A measurement from a rough position that ends this near to it (px) with this inlier fraction
 // needs no second one.
 constexpr double kRough = 4.0;
@@ -25,12 +27,6 @@ constexpr double kSure = 0.8;
 // Correlation of the picture where something was found, then and now, from which nothing has left
 // that place.
 constexpr double kUnchanged = 0.9;
-
-// Cells are as wide as the object is thin.
-int search_work(const Eigen::Vector2d& axes) {
-  const double cells = kOneLook_px / axes.y();
-  return std::clamp(static_cast<int>(std::lround(cells * cells)), 1, kMostSearchWork);
-}
 
 }  // namespace
 
@@ -107,89 +103,115 @@ void ColorTracker::State::drop_candidate() {
   turn = 0;
 }
 
+// The pixels that are read decide.
+double ColorTracker::State::search_work(const Eigen::Vector2d& axes) const {
+  return std::clamp(kSearchWork * kSearched_px / axes.y(), kLeastSearchWork, kMostSearchWork);
+}
+
 // A candidate of the search, measured: twice at most, from the rough position, then from the first
-// result. The prior is wide, as the candidate's position is good to some px and its angle to some
-// tenths of rad. Returns how often it was looked at; nothing is measured where it is no object.
+// result, and not beyond what `reserve` leaves of the image's work. The prior is wide, as the
+// candidate's position is good to some px and its angle to some tenths of rad. Nothing is measured
+// where it is no object.
 // More is asked of an object found anew (min_inliers_new) than of one followed: the whole image has
 // more that looks like it.
-int ColorTracker::State::look_at(const cv::Mat& image, const Owned& owned, Ellipse start,
-                                 const Eigen::Vector2d& axes, int looks, Observation& seen) {
+void ColorTracker::State::look_at(const cv::Mat& image, const Owned& owned, Ellipse start,
+                                  const Eigen::Vector2d& axes, double reserve, Observation& seen) {
   start.semi_major_px = axes.x();
   start.semi_minor_px = axes.y();
-  int round = 0;
-  while (round < std::min(looks, kLooksEach) && in_image(start)) {
+  for (int round = 0; round < kLooksEach && in_image(start); ++round) {
+    if (!affords(look_work({start.semi_major_px, start.semi_minor_px}) + reserve)) break;
     const EllipsePrior prior{start, 8, 2.5, 0.4};
-    seen = view.observe(image, start, settings.view.gate_px, prior, owned);
-    ++round;
-    if (!seen.measured) return round;
+    seen = observe(image, start, settings.view.gate_px, prior, owned);
+    if (!seen.measured) return;
     const bool near = (seen.measured->ellipse.center_px - start.center_px).norm() < kRough;
     start = seen.measured->ellipse;
     if (near && seen.measured->inlier_fraction > kSure) break;
   }
   if (!good(seen, start, axes, settings.jump_px, settings.min_inliers_new)) seen.measured.reset();
-  return round;
 }
 
-// The candidates of the search under one guess of the light and of the size, as long as there are
-// looks left; the best of all guesses stays. Two looks at one body, by two guesses, are one
-// candidate. Returns the looks that are left.
-int ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d& axes, int looks,
-                                   const cv::Mat& image, const Owned& owned) {
+// The candidates of the search under one guess of the light and of the size, as long as the image's
+// work leaves `reserve`; the best of all guesses stays. The first candidate is looked at in every
+// image, the others begin with another one in each, so that all have their turn.
+void ColorTracker::State::search_in(const LogColor& gains, const Eigen::Vector2d& axes,
+                                    double reserve, const cv::Mat& image, const Owned& owned) {
   const Eigen::Vector2d middle(image.cols / 2.0, image.rows / 2.0);
   const bool known = state != TrackState::searching;
+  work += search_work(axes);
   search_source->set_light(gains);
   search.set_size(axes);
   view.set_light(gains);
-  for (const Ellipse& start : search.find(image, *search_source, known ? last.center_px : middle,
-                                          settings.candidates, owned.map, owned.self)) {
-    if (looks <= 0) break;
+  const std::vector<Ellipse>& found =
+      search.find(image, *search_source, known ? last.center_px : middle, settings.candidates,
+                  owned.map, owned.self);
+  const std::size_t others = found.empty() ? 0 : found.size() - 1;
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    const std::size_t at = k == 0 ? 0 : 1 + (k - 1 + searches) % others;
+    if (!affords(look_work(axes) + reserve)) break;
     Judged look;
-    looks -= look_at(image, owned, start, axes, looks, look.seen);
+    look_at(image, owned, found[at], axes, reserve, look.seen);
     if (!look.seen.measured) continue;
     const Ellipse& e = look.seen.measured->ellipse;
     look.free_axes_px = {e.semi_major_px, e.semi_minor_px};
     look.worth = worth_of(look.seen);
-    const double likeness = look.worth.likeness;
-    if (!pick.best) {
-      pick.best = look;
-      pick.gains = gains;
-      continue;
-    }
-    const double of_best = pick.best->worth.likeness;
-    const bool same =
-        (look.seen.measured->ellipse.center_px - pick.best->seen.measured->ellipse.center_px)
-            .norm() < model.semi_axes_px.y();
-    if (!same) pick.second = std::max(pick.second, std::min(likeness, of_best));
-    if (likeness <= of_best) continue;
-    pick.best = look;
-    pick.gains = gains;
+    pick_from(look, gains);
   }
-  return looks;
 }
 
-// Re-detection, in the light as it was and, where that finds nothing like the object, in one more
-// way a frame, which bounds a frame's time: the other lights that it may be, and another size, in
-// turn. The candidate most like the object in training is the find, and by how much it is more so
-// than the second is its margin.
-bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
-  pick.best.reset();
-  pick.second = model.audit.as_trained.most_likeness;
-  const Eigen::Vector2d axes = state == TrackState::searching ? trained_axes() : axes_px;
+// Two looks at one body, by two guesses, are one candidate.
+void ColorTracker::State::pick_from(const Judged& look, const LogColor& gains) {
+  const double likeness = look.worth.likeness;
+  if (pick.best) {
+    const double of_best = pick.best->worth.likeness;
+    const Eigen::Vector2d apart =
+        look.seen.measured->ellipse.center_px - pick.best->seen.measured->ellipse.center_px;
+    if (apart.norm() >= model.semi_axes_px.y())
+      pick.second = std::max(pick.second, std::min(likeness, of_best));
+    if (likeness <= of_best) return;
+  }
+  pick.best = look;
+  pick.gains = gains;
+}
+
+// What the object may be besides as it was: in another light, or of another size, in turn; a size
+// that is about the known one is none. `axes`: those it is known by.
+std::optional<ColorTracker::State::Way> ColorTracker::State::other_way(
+    const Eigen::Vector2d& axes) {
   const LightMemory::Guesses guesses = light.guesses(model.light);
   const std::size_t lights = settings.adapt ? guesses.count - 1 : 0;
   const std::size_t ways = lights + (settings.any_size ? 1 : 0);
-  const std::size_t way = ways > 0 ? size_turn % ways : 0;
-  const bool resized = way >= lights;
-  const double size = ways > 0 && resized ? kSizes[size_turn / ways % kSizes.size()] : 1;
-  const Eigen::Vector2d other = resized ? Eigen::Vector2d(size * trained_axes()) : axes;
-  const int reserve = ways > 0 ? search_work(other) + kLooksEach : 0;
-  const int looks = std::max(kFrameWork - search_work(axes) - reserve, kLooksEach);
-  const int left = search_in(guesses.gains[0], axes, looks, image, owned);
+  if (ways == 0) return std::nullopt;
+  std::size_t way = size_turn % ways;
+  if (way < lights) return Way{guesses.gains[way + 1], axes, false};
+  Eigen::Vector2d other = kSizes[size_turn / ways % kSizes.size()] * trained_axes();
+  if (std::abs(std::log(other.y() / axes.y())) < kSameSize) {
+    size_turn += static_cast<unsigned>(ways);
+    other = kSizes[size_turn / ways % kSizes.size()] * trained_axes();
+  }
+  return Way{guesses.gains[0], other, true};
+}
+
+// Re-detection, in the light as it was and, where that finds nothing like the object, in one other
+// way. Both share what the image's work leaves (kMostWork), which bounds its time: in the first
+// image that is searched, and after one that left nothing for the other way, a search and a look of
+// it are kept for it. What an image that was followed until now leaves may be too little for any
+// search: then the next one is searched. The candidate most like the object in training is the
+// find, and by how much it is more so than the second is its margin.
+bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
+  const Eigen::Vector2d axes = state == TrackState::searching ? trained_axes() : axes_px;
+  if (!affords(search_work(axes) + look_work(axes))) return false;
+  pick.best.reset();
+  pick.second = model.audit.as_trained.most_likeness;
+  const std::optional<Way> other = other_way(axes);
+  const double of_other = other ? search_work(other->axes) + look_work(other->axes) : 0;
+  search_in(light.guesses(model.light).gains[0], axes, other_waits ? of_other : 0, image, owned);
+  ++searches;
   const bool none = !pick.best || pick.best->worth.likeness < settings.min_likeness_new;
-  if (none && ways > 0) {
+  other_waits = none && other && !affords(of_other);
+  if (none && other && !other_waits) {
     ++size_turn;
-    if (resized) pick.second = std::max(pick.second, model.audit.resized.most_likeness);
-    search_in(guesses.gains[resized ? 0 : way + 1], other, left + kLooksEach, image, owned);
+    if (other->resized) pick.second = std::max(pick.second, model.audit.resized.most_likeness);
+    search_in(other->gains, other->axes, 0, image, owned);
   }
   if (!pick.best) return false;
   track.likeness = pick.best->worth.likeness;

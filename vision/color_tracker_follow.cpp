@@ -69,7 +69,7 @@ bool ColorTracker::State::look_near(const cv::Mat& image, const Owned& owned, co
   const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
   const EllipsePrior prior{start, kCenterSigma + more, kAxesSigma,
                            settings.view.angle_sigma + 0.03 * unseen};
-  look.seen = view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
+  look.seen = observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
   if (!good(look.seen, start, axes_px, settings.jump_px + more, settings.min_inliers)) return false;
   const Ellipse& e = look.seen.measured->ellipse;
   look.free_axes_px = {e.semi_major_px, e.semi_minor_px};
@@ -85,11 +85,12 @@ bool ColorTracker::State::look_near(const cv::Mat& image, const Owned& owned, co
 void ColorTracker::State::hold_axes(const cv::Mat& image, const Owned& owned, const Ellipse& start,
                                     bool from_front, Judged& look) {
   if (((look.free_axes_px - axes_px).array() < kSudden * axes_px.array()).all()) return;
+  if (!affords(look_work(axes_px))) return;
   const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
   const EllipsePrior prior{start, kCenterSigma + more, kHeldAxes * axes_px.y(),
                            settings.view.angle_sigma + 0.03 * unseen};
   const Observation held =
-      view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
+      observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
   if (!good(held, start, axes_px, settings.jump_px + more, settings.min_inliers)) return;
   // Whether it is the object the free look says as well; a held rim with something at it is unlike.
   const double likeness = look.worth.likeness;
@@ -128,6 +129,7 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
   const double likeness = is_candidate ? settings.min_likeness_new : settings.min_likeness;
   // A vessel may have led the front astray: then the rim is searched at the prediction instead.
   for (const bool from_front : {true, false}) {
+    if (!affords(look_work(axes_px))) break;
     Judged look;
     if (!look_near(image, owned, start, from_front, look)) continue;
     track.likeness = look.worth.likeness;

@@ -32,8 +32,20 @@ struct ColorTracker::State : TrackMemory {
   bool near_expected(const cv::Mat& image, const Owned& owned, Track& track);
   bool near_expected_relit(const cv::Mat& image, const Owned& owned, Track& track);
   bool anywhere(const cv::Mat& image, const Owned& owned, Track& track);
-  int search_in(const LogColor& gains, const Eigen::Vector2d& axes, int looks, const cv::Mat& image,
-                const Owned& owned);
+  void search_in(const LogColor& gains, const Eigen::Vector2d& axes, double reserve,
+                 const cv::Mat& image, const Owned& owned);
+  void pick_from(const Judged& look, const LogColor& gains);
+  struct Way {
+    LogColor gains;
+    Eigen::Vector2d axes;
+    bool resized;
+  };
+  std::optional<Way> other_way(const Eigen::Vector2d& axes);
+  Observation observe(const cv::Mat& image, const Ellipse& start, double gate_px,
+                      const EllipsePrior& prior, const Owned& owned, bool from_front = true);
+  double look_work(const Eigen::Vector2d& axes) const;
+  double search_work(const Eigen::Vector2d& axes) const;
+  bool affords(double more) const { return work + more <= kMostWork; }
   Eigen::Vector2d trained_axes() const;
   double size_of(const Ellipse& e) const;
   const FalseBelief::Asked& asked_of(const Ellipse& e) const;
@@ -46,8 +58,8 @@ struct ColorTracker::State : TrackMemory {
                  Judged& look);
   bool vague(const Judged& look) const;
   void weigh_with_last(LookWorth& worth);
-  int look_at(const cv::Mat& image, const Owned& owned, Ellipse start, const Eigen::Vector2d& axes,
-              int looks, Observation& seen);
+  void look_at(const cv::Mat& image, const Owned& owned, Ellipse start, const Eigen::Vector2d& axes,
+               double reserve, Observation& seen);
   void follow(const Ellipse& e, double inliers);
   void find(const cv::Mat& image, const Observation& seen);
   void confirm(const cv::Mat& image, const Judged& look, Track& track);
@@ -66,6 +78,7 @@ struct ColorTracker::State : TrackMemory {
   ObjectView view;
   std::unique_ptr<EvidenceSource> search_source;
   ObjectSearch search;
+  double work = 0;  // of this image, as Track::work
   struct {
     std::optional<Judged> best;
     LogColor gains = LogColor::Zero();

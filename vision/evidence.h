@@ -69,6 +69,9 @@ class Evidence {
   const std::vector<std::int16_t>& values() const { return values_; }  ///< by rows of the region
   static constexpr int kMostAlong = 40;
   static constexpr double kAlongScale = kScale * 4294967296.0;
+  /// Share of the pixels within the gate, and not blocked, that have F above `least` (at()'s
+  /// units); 0 where there are none.
+  double share_above(std::int16_t least) const;
   /// F between pixels, bilinear, clamped to +-`most`, at `from`, `from` + `step`, ... (px), into
   /// `to`, in units of 1 / kAlongScale. Returns how many of `count` (at most kMostAlong) were read
   /// before the first beside which a pixel is blocked or not in the region. |step| at most 2 px.

@@ -15,6 +15,9 @@ namespace {
 // rim is searched at the prediction.
 constexpr double kSmallestShare = 0.75;
 constexpr double kLargestShare = 1.35;
+// Share of the gate that has the object's colors from which there is no rim in it: every normal
+// that is found needs ground beyond it, and a look asks for 35 % of them.
+constexpr double kFullGate = 0.95;
 constexpr int kClear = static_cast<int>(Evidence::kScale);  // F = -1: the ground's by e to one
 
 double area_of(const Ellipse& e) {
@@ -114,51 +117,68 @@ LookFeatures features_of(const Observation& seen, double size) {
 }
 
 // Thesis 8.2 in order: F within the gate, cycles one and two, the shape prior from the front (8.4)
-// and cycle three; then, beyond the thesis, the sub-pixel rim around the shape.
+// and cycle three; then, beyond the thesis, the sub-pixel rim around the shape. With a rim to be
+// found cycle three comes last, and only where there is one: it changes nothing of the rim.
 // A segment of an area unlike the prediction's is a piece or has run into a vessel: the rim is then
 // searched around the prediction.
 Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, double gate_px,
                                 const EllipsePrior& prior, const Owned& owned, bool from_front) {
   Observation result;
   result.expected_axes_px = {expected.semi_major_px, expected.semi_minor_px};
-  source_->surround(image, expected, owned.map, owned.self);
-  const Ellipse gate = grown(expected, gate_px);
-  evidence_.look(image, *source_, gate, max_side_px_, owned.map, owned.self);
-  EvidenceSource* rim_source = source_->rim();
-  const bool other = rim_source != source_.get();
-  if (other) rim_evidence_.look(image, *rim_source, gate, max_side_px_, owned.map, owned.self);
-  const Evidence& at_rim = other ? rim_evidence_ : evidence_;
+  const Evidence& at_rim = read(image, expected, gate_px, owned);
+  if (settings_.refine && evidence_.share_above(0) > kFullGate) return result;
   level_set_.start(at_rim, expected);
   level_set_.evolve(thresholds_);
   result.segment = level_set_.keep_largest();
   Ellipse at = result.segment.ellipse;
   double area = result.segment.area_px;
-  // The prior's ellipse is taken only for refinement; else the moments of what cycle three left.
   if (settings_.shape_prior && area > 0 && !level_set_.leaked()) {
     level_set_.front(front_);
-    const ShapeFit fit =
-        model_->shape.fit(front_, model_->shape.pose_of(expected), settings_.shape_fit);
-    level_set_.evolve_to_prior(PlacedShape(model_->shape, fit));
-    result.segment = level_set_.keep_largest();
-    result.shape = fit;
-    at = settings_.refine ? model_->shape.ellipse_of(fit) : result.segment.ellipse;
-    area = settings_.refine ? area_of(at) : result.segment.area_px;
+    result.shape = model_->shape.fit(front_, model_->shape.pose_of(expected), settings_.shape_fit);
+    // The prior's ellipse is taken only for refinement; else the moments of what cycle three left.
+    if (settings_.refine) {
+      at = model_->shape.ellipse_of(*result.shape);
+      area = area_of(at);
+    } else {
+      to_prior(result);
+      at = result.segment.ellipse;
+      area = result.segment.area_px;
+    }
   }
-  result.leaked = level_set_.leaked();
-  result.iterations = level_set_.iterations();
   const double share = area / area_of(expected);
   const bool like =
       from_front && share > kSmallestShare && share < kLargestShare && at.semi_minor_px > 2;
   if (settings_.refine) {
     result.measured = rim_.measure(at_rim, like ? at : expected, prior);
     result.unevenness_px = rim_.unevenness_px();
+    if (result.measured && result.shape) to_prior(result);
   } else if (at.semi_minor_px > 1) {
+    // Moments have no covariance of their own: the calibration adds one.
     result.measured =
-        // Moments have no covariance of their own: the calibration adds one.
         EllipseMeasurement{at, Eigen::Matrix<double, 5, 5>::Zero(), like ? 1.0 : 0.0, 0};
   }
+  result.leaked = level_set_.leaked();
+  result.iterations = level_set_.iterations();
   if (result.measured) count_support(result.measured->ellipse, result);
   return result;
+}
+
+// F in the gate around `expected`; returns that which decides on the outline.
+const Evidence& ObjectView::read(const cv::Mat& image, const Ellipse& expected, double gate_px,
+                                 const Owned& owned) {
+  source_->surround(image, expected, owned.map, owned.self);
+  const Ellipse gate = grown(expected, gate_px);
+  evidence_.look(image, *source_, gate, max_side_px_, owned.map, owned.self);
+  EvidenceSource* rim_source = source_->rim();
+  if (rim_source == source_.get()) return evidence_;
+  rim_evidence_.look(image, *rim_source, gate, max_side_px_, owned.map, owned.self);
+  return rim_evidence_;
+}
+
+// Cycle three, table 8.1.
+void ObjectView::to_prior(Observation& result) {
+  level_set_.evolve_to_prior(PlacedShape(model_->shape, *result.shape));
+  result.segment = level_set_.keep_largest();
 }
 
 }  // namespace vitreo::vision

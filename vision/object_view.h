@@ -55,6 +55,9 @@ class ObjectView {
   void set_light(const LogColor& gains) { source_->set_light(gains); }
 
  private:
+  const Evidence& read(const cv::Mat& image, const Ellipse& expected, double gate_px,
+                       const Owned& owned);
+  void to_prior(Observation& result);
   void count_support(const Ellipse& ellipse, Observation& observation) const;
   const ObjectModel* model_;
   ObjectViewSettings settings_;

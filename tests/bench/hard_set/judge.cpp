@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
+#include <limits>
 #include <optional>
 
 namespace vitreo::hard_set {
@@ -69,9 +70,9 @@ class Account {
 };
 
 // For a look at one sequence: what was believed, how surely, and what it was.
-void print_frame(int k, const vision::Track& track, const Shot& shot) {
-  std::printf("%3d %-9s truth %6.1f %6.1f visible %.2f", k, name_of(track.state).c_str(),
-              shot.truth.center_px.x(), shot.truth.center_px.y(), shot.visible);
+void print_frame(int k, const vision::Track& track, const Shot& shot, double seconds) {
+  std::printf("%3d %-9s %5.0f us truth %6.1f %6.1f visible %.2f", k, name_of(track.state).c_str(),
+              1e6 * seconds, shot.truth.center_px.x(), shot.truth.center_px.y(), shot.visible);
   if (track.measured) {
     const vision::EllipseMeasurement& m = *track.measured;
     std::printf(
@@ -110,10 +111,26 @@ Verdict judge_twins(const Scene& scene, const vision::ObjectModel& model,
     const cv::Rect2d view({0, 0}, cv::Size2d(shot.image.size()));
     const bool in_view = view.contains({shot.twin.center_px.x(), shot.twin.center_px.y()});
     other.frame(tracks[1], shot.twin, in_view && twin_shows > 0.6 ? 1 : 0.1);
-    if (settings.each_frame) print_frame(k, tracks[0], shot);
+    if (settings.each_frame) print_frame(k, tracks[0], shot, took);
   }
   one.verdict.add(other.verdict);
   return one.verdict;
+}
+
+// What each frame costs in `repeats` further runs by trackers of their own, the least: the same
+// work is done in all, and what other programs take from caches and cores is in the rest.
+std::vector<double> least_seconds(const std::vector<Shot>& shots, const vision::ObjectModel& model,
+                                  const JudgeSettings& settings) {
+  std::vector<double> least(shots.size(), std::numeric_limits<double>::infinity());
+  for (int r = 0; r < settings.repeats; ++r) {
+    vision::ColorTracker tracker(model, settings.tracker);
+    for (std::size_t k = 0; k < shots.size(); ++k) {
+      const double start = cpu_seconds();
+      tracker.update(shots[k].image);
+      least[k] = std::min(least[k], cpu_seconds() - start);
+    }
+  }
+  return least;
 }
 
 }  // namespace
@@ -137,16 +154,20 @@ Verdict judge(const Scene& scene, const vision::ObjectModel& model, const JudgeS
     for (const std::string& warning : model.warnings()) std::printf("%s\n", warning.c_str());
   }
   Account account;
+  std::vector<Shot> shots;
+  for (int k = 0; k < Scene::kFrames; ++k) shots.push_back(scene.shot(k));
+  const std::vector<double> took = least_seconds(shots, model, settings);
   for (int k = 0; k < Scene::kFrames; ++k) {
-    const Shot shot = scene.shot(k);
+    const Shot& shot = shots[static_cast<std::size_t>(k)];
     const double start = cpu_seconds();
     const vision::Track track = tracker.update(shot.image);
-    const double took = cpu_seconds() - start;
-    account.verdict.seconds += took;
-    account.verdict.worst_seconds = std::max(account.verdict.worst_seconds, took);
+    const double now = cpu_seconds() - start;
+    const double least = std::min(now, took[static_cast<std::size_t>(k)]);
+    account.verdict.seconds += least;
+    account.verdict.worst_seconds = std::max(account.verdict.worst_seconds, least);
     ++account.verdict.frames;
     account.frame(track, shot.truth, shot.visible);
-    if (settings.each_frame) print_frame(k, track, shot);
+    if (settings.each_frame) print_frame(k, track, shot, least);
   }
   return account.verdict;
 }

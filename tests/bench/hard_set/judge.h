@@ -30,6 +30,7 @@ struct Verdict {
 struct JudgeSettings {
   vision::ColorTrackerSettings tracker;
   bool each_frame = false;  ///< print one line a frame
+  int repeats = 0;          ///< further runs, each frame's time is the least of all
 };
 
 Verdict judge(const Scene& scene, const vision::ObjectModel& model, const JudgeSettings& settings);

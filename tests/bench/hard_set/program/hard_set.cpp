@@ -1,9 +1,12 @@
 // The hard set: a row a variant, over seeds and grounds: lost, wrong, px, inside, frames a second.
 // hard_set [--photos FOLDER] [--seeds A-B] [--each N] [--variant PART] [--ground PART] [--from N]
 //   [--until N] [--no-rim] [--network FILE] [--by-ground] [--frames] [--into FILE [--minutes M]]
+//   [--repeats N]
 // Variants count from 1. --each N: seed k is judged before N of the grounds only, others for each
 // seed, so that all have their turn. --into FILE keeps every sequence's verdict as a line of CSV:
 // what the file has is not judged again, so a long run can be made in parts of M minutes.
+// --repeats N: times are each frame's least in N further runs (one robot): what a load takes from
+// caches and cores is left out.
 // hard_set --dump FOLDER ... writes the first matching sequence as frame_N.png and truth.csv.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/hard_set/judge.h"
@@ -82,6 +85,8 @@ Options options_of(int argc, char** argv) {
       options.from = std::stoi(value());
     } else if (name == "--until") {
       options.until = std::stoi(value());
+    } else if (name == "--repeats") {
+      options.judge.repeats = std::stoi(value());
     } else if (name == "--no-rim") {
       options.judge.tracker.view.refine = false;
     } else if (name == "--frames") {
