@@ -35,7 +35,7 @@ end
 -- Whether the robot is looked at on the retina. A chain was measured in the rig's own eye, and not in one that is drawn here.
 local function looks(rig, p)
   if p.calibrate ~= "auto" then return p.calibrate == "yes" end
-  return not retina.measured(rig) or (rig.simulation and p.eye == "perturbed")
+  return not retina.measured(rig) or (rig.simulation and eyes.differs(p.eye))
 end
 
 -- The view that one look on the retina calibrates, in a loop of its own.
