@@ -72,9 +72,6 @@ TEST(MeasuredBench, IsWithinWhatTheLocalizerStatesAfterwardsAndThatIsAFractionOf
   const Eigen::Vector3d ratio = before.median().cwiseQuotient(after.median());
   EXPECT_GT(ratio.x(), 10) << "by the side camera's own places";
   EXPECT_GT(ratio.z(), 4);
-  // Outlines are as near to the chain's as the sessions had them, some 0.05 px: with the 0.15 that
-  // a session believes before and the 0.1 of a loop it was 64.
-  EXPECT_LT(after.median().z(), 52e-6);
   std::printf("within 95 %%: %d, %d, %d of %d; sigma %.0f, %.0f, %.0f -> %.0f, %.0f, %.0f um\n",
               after.within.x(), after.within.y(), after.within.z(), after.places,
               1e6 * before.median().x(), 1e6 * before.median().y(), 1e6 * before.median().z(),
