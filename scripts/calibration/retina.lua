@@ -131,8 +131,8 @@ end
 function retina.measured(rig) return rig:model().uncertainty.bench.places == "measured" end
 
 --- By how much a square's center is higher there: a look in the middle of the retina tells nothing of where the picture stands
---- aside, 0.8 mm of such a bench, which at the corners is 0.3 mm of distance to the retina, one sigma (docs/safety.md). A chain that
---- was measured by a side camera leaves the retina where it may be, to 0.3 mm; one with landings in it does not.
+--- aside, 0.8 mm of such a bench, which at the corners is 0.3 mm of distance to the retina, one sigma (docs/safety.md). A chain
+--- that was measured by a side camera leaves the retina where it may be, to 0.3 mm; one with landings in it does not.
 function retina.room(rig)
   local open = retina.measured(rig) and rig:model().uncertainty.bench.retina_depth > 0.1 * mm
   return vector(0, 0, (retina.by_hand(rig) or open) and 0.5 * mm or 0)
