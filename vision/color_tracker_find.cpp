@@ -194,9 +194,10 @@ std::optional<ColorTracker::State::Way> ColorTracker::State::other_way(
 // Re-detection, in the light as it was and, where that finds nothing like the object, in one other
 // way. Both share what the image's work leaves (kMostWork), which bounds its time: in the first
 // image that is searched, and after one that left nothing for the other way, a search and a look of
-// it are kept for it. What an image that was followed until now leaves may be too little for any
-// search: then the next one is searched. The candidate most like the object in training is the
-// find, and by how much it is more so than the second is its margin.
+// it are kept for it, beyond what the first place of the known way asks for. What an image that was
+// followed until now leaves may be too little for any search: then the next one is searched. The
+// candidate most like the object in training is the find, and by how much it is more so than the
+// second is its margin.
 bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
   const Eigen::Vector2d axes = state == TrackState::searching ? trained_axes() : axes_px;
   if (!affords(search_work(axes) + look_work(axes))) return false;
@@ -204,7 +205,9 @@ bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Tra
   pick.second = model.audit.as_trained.most_likeness;
   const std::optional<Way> other = other_way(axes);
   const double of_other = other ? search_work(other->axes) + look_work(other->axes) : 0;
-  search_in(light.guesses(model.light).gains[0], axes, other_waits ? of_other : 0, image, owned);
+  const bool both = affords(search_work(axes) + kLooksEach * look_work(axes) + of_other);
+  search_in(light.guesses(model.light).gains[0], axes, other_waits && both ? of_other : 0, image,
+            owned);
   ++searches;
   const bool none = !pick.best || pick.best->worth.likeness < settings.min_likeness_new;
   other_waits = none && other && !affords(of_other);

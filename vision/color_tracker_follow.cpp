@@ -148,19 +148,24 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
   return false;
 }
 
-// The object is where it was expected to be, in another one of the lights that it may have now.
+// The object is where it was expected to be, in another one of the lights that it may have now. In
+// an image that is searched as a whole next, a search and two looks are kept for that.
 bool ColorTracker::State::near_expected_relit(const cv::Mat& image, const Owned& owned,
                                               Track& track) {
   const LightMemory::Guesses guesses = light.guesses(model.light);
-  for (std::size_t k = 1; k < guesses.count; ++k) {
+  const bool searched_next = unseen >= settings.coast_frames;
+  for_search = searched_next ? search_work(axes_px) + 2 * look_work(axes_px) : 0;
+  bool found = false;
+  for (std::size_t k = 1; k < guesses.count && !found; ++k) {
     view.set_light(guesses.gains[k]);
-    if (!near_expected(image, owned, track)) continue;
+    found = near_expected(image, owned, track);
+    if (!found) continue;
     light.take(guesses.gains[k]);
     track.light = guesses.gains[k];
-    return true;
   }
-  view.set_light(track.light);
-  return false;
+  for_search = 0;
+  if (!found) view.set_light(track.light);
+  return found;
 }
 
 }  // namespace vitreo::vision

@@ -45,7 +45,7 @@ struct ColorTracker::State : TrackMemory {
                       const EllipsePrior& prior, const Owned& owned, bool from_front = true);
   double look_work(const Eigen::Vector2d& axes) const;
   double search_work(const Eigen::Vector2d& axes) const;
-  bool affords(double more) const { return work + more <= kMostWork; }
+  bool affords(double more) const { return work + for_search + more <= kMostWork; }
   Eigen::Vector2d trained_axes() const;
   double size_of(const Ellipse& e) const;
   const FalseBelief::Asked& asked_of(const Ellipse& e) const;
@@ -78,7 +78,8 @@ struct ColorTracker::State : TrackMemory {
   ObjectView view;
   std::unique_ptr<EvidenceSource> search_source;
   ObjectSearch search;
-  double work = 0;  // of this image, as Track::work
+  double work = 0;        // of this image, as Track::work
+  double for_search = 0;  // of it, kept for a search that follows
   struct {
     std::optional<Judged> best;
     LogColor gains = LogColor::Zero();
