@@ -177,6 +177,11 @@ INSTANTIATE_TEST_SUITE_P(Ways, ConexDouble,
 
 // Lake Shore
 
+bool answers_late(const Options& options) {
+  return std::any_of(options.begin(), options.end(),
+                     [](const std::string& option) { return option.rfind("late=", 0) == 0; });
+}
+
 class LakeShoreDouble : public testing::TestWithParam<Options> {};
 TEST_P(LakeShoreDouble, KeepsTheContractOfAFieldProbe) {
   const auto clock = wall_clock();
@@ -187,6 +192,7 @@ TEST_P(LakeShoreDouble, KeepsTheContractOfAFieldProbe) {
       on_double(older ? "lake_shore_425" : "lake_shore_475", instrument, *clock));
   contract::FieldProbeCheck how;
   how.really = [] { return std::vector{0.0345}; };
+  how.misses_a_deadline = answers_late(GetParam());
   EXPECT_EQ(contract::check(*probe, *clock, how), Findings{});
   EXPECT_EQ(instrument.number("lost"), 0);
 }
@@ -220,6 +226,7 @@ TEST_P(MetrolabDouble, KeepsTheContractOfAFieldProbe) {
   contract::FieldProbeCheck how;
   how.really = [] { return std::vector{0.01, -0.02, 0.0345}; };
   how.tolerance = 50e-6;
+  how.misses_a_deadline = answers_late(GetParam());
   EXPECT_EQ(contract::check(*probe, *clock, how), Findings{});
   EXPECT_EQ(instrument.order(R"({"get": "errors"})"), R"({"errors": []})");
   instrument.order(R"({"set": {"field": [0.5, 0, 0]}})");  // beyond 0.3 T
