@@ -99,6 +99,16 @@ TEST(ServoControllerWatch, AConstantCommandStirsTheScheduleNoMoreThanNone) {
   const auto stirred =
       control::schedule(*controller.tuning(), controller.margins()->estimate, {0, last.norm()});
   EXPECT_GT(std::abs(stirred.bandwidth - expected->bandwidth), 1e-3) << "else this tells nothing";
+  // After a reset it counts as a controller's first command.
+  controller.reset();
+  ServoController fresh(watched_model(), watched_settings(ControlLaw::estimator));
+  for (int k = 0; k < 2; ++k) {
+    for (ServoController* each : {&controller, &fresh})
+      each->step(20.02 + 0.05 * k, seen_at(20 + 0.05 * k, place), staying_at(place),
+                 ControlMode::follow);
+    if (!fresh.margins()) continue;
+    EXPECT_EQ(controller.margins()->schedule.bandwidth, fresh.margins()->schedule.bandwidth) << k;
+  }
 }
 
 TEST(ServoControllerWatch, ARobotThatStandsBesideItsTargetIsToldAndOneThatGoesIsNot) {
@@ -106,21 +116,64 @@ TEST(ServoControllerWatch, ARobotThatStandsBesideItsTargetIsToldAndOneThatGoesIs
     ServoController controller(watched_model(), watched_settings(ControlLaw::estimator));
     const Vector3d target(1e-3, 0, 1e-3);
     bool told = false;
+    bool capped = false;
     double told_at = 0;
-    for (int k = 0; k < 120 && !told; ++k) {
+    for (int k = 0; k < 120 && !(told && capped); ++k) {
       const double time = 5 + 0.05 * k;
       const Vector3d gone =
           stands ? Vector3d(0, 0, 0) : Vector3d(std::min(1.2e-3 * (time - 5), 4e-3), 0, 0);
       const ControlStep step =
           controller.step(time + 0.08, seen_at(time, Vector3d(-3e-3, 0, 1e-3) + gone),
                           staying_at(target), ControlMode::follow);
-      told = step.quality.standing;
-      told_at = time;
+      capped = capped || step.quality.capped;
+      if (step.quality.standing && !told) told_at = time;
+      told = told || step.quality.standing;
     }
     EXPECT_EQ(told, stands);
+    EXPECT_EQ(capped, stands) << "its largest speed was asked for all the time";
     if (stands) {
       EXPECT_LT(told_at, 5 + control::kCaught + 3);
     }
+  }
+}
+
+// 40 um to and fro once a second, of a place that is known to 4.5 um. About a target that goes
+// round itself at 2 mm/s a sound loop shows as much.
+TEST(ServoControllerWatch, AnOscillationIsNamedUnlessTheTargetsOwnMotionExplainsIt) {
+  for (const bool round : {false, true}) {
+    ServoController controller(watched_model(), watched_settings(ControlLaw::pd));
+    ReferencePath path = staying_at({1e-3, 0, 1e-3});
+    if (round)
+      path = {control::Trajectory::circle({1e-3, 0, 1e-3}, {0.5e-3, 0, 0}, {0, 0.5e-3, 0}, 20,
+                                          {2e-3, 20e-3}),
+              4};
+    bool named = false;
+    for (int k = 0; k < 240; ++k) {
+      const double time = 5 + 0.05 * k;
+      const Vector3d off(40e-6 * std::sin(2 * M_PI * time), 0, 0);
+      const ControlStep step = controller.step(
+          time + 0.08, seen_at(time, path.at(time).position + off), path, ControlMode::follow);
+      named = named || step.quality.oscillating;
+    }
+    EXPECT_EQ(named, !round);
+  }
+}
+
+TEST(ServoControllerWatch, InnovationsThatStayLargeAreInconsistent) {
+  for (const bool large : {true, false}) {
+    ServoController controller(watched_model(), watched_settings(ControlLaw::estimator));
+    const Vector3d place(1e-3, -0.5e-3, 1e-3);
+    bool told = false;
+    for (int k = 0; k < 300; ++k) {
+      const double time = 5 + 0.05 * k;
+      const double size = large ? 0.2e-3 : 4e-6;
+      const Vector3d off = size * Vector3d(k % 2 == 0 ? 1 : -1, k % 3 - 1, 0);
+      told =
+          controller
+              .step(time + 0.08, seen_at(time, place + off), staying_at(place), ControlMode::follow)
+              .inconsistent;
+    }
+    EXPECT_EQ(told, large);
   }
 }
 
