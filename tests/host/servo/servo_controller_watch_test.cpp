@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <stdexcept>
 
 namespace vitreo {
 namespace VITREO_TEST_FILE {
@@ -219,6 +220,81 @@ TEST(ServoControllerWatch, AResetForgetsWhatTheOtherLawsHadGathered) {
     }
     EXPECT_GT(forgotten, 1e-4) << to_string(law) << ": else there was nothing to forget";
   }
+}
+
+TEST(ServoControllerWatch, ARobotLetGoIsCaughtAsIfItHadNotBeenFollowed) {
+  for (const ControlLaw law : {ControlLaw::pd, ControlLaw::velocity}) {
+    ControllerSettings settings = watched_settings(law);
+    settings.gains = {1.1, 0.3, 0.15, 3e-3, 0.4};
+    settings.velocity = {0.7, 1e-3, 0.2, 0.11, 150e-6};
+    ServoController released(watched_model(), settings);
+    ServoController fresh(watched_model(), settings);
+    const ReferencePath path = staying_at({1e-3, 0.5e-3, 1e-3});
+    const auto seen = [](int k) {
+      return seen_at(5 + 0.05 * k, {0.6e-3, 0.5e-3 - 1e-5 * k, 1e-3});
+    };
+    for (int k = 0; k < 20; ++k) released.step(5.09 + 0.05 * k, seen(k), path, ControlMode::follow);
+    released.step(6.09, seen(20), path, ControlMode::leave);
+    for (int k = 21; k < 25; ++k)
+      EXPECT_EQ(released.step(5.09 + 0.05 * k, seen(k), path, ControlMode::follow).currents,
+                fresh.step(5.09 + 0.05 * k, seen(k), path, ControlMode::follow).currents)
+          << to_string(law) << ' ' << k;
+  }
+}
+
+TEST(ServoControllerWatch, AnotherAxisIsThatOfAControllerMadeForIt) {
+  for (const ControlLaw law : {ControlLaw::pd, ControlLaw::estimator}) {
+    ControllerSettings settings = watched_settings(law);
+    ServoController turned(watched_model(), settings);
+    settings.axis = Vector3d(-0.2, 0.9, 0.4).normalized();
+    turned.set_axis(settings.axis);
+    ServoController made(watched_model(), settings);
+    for (int k = 0; k < 6; ++k) {
+      const auto seen = seen_at(5 + 0.05 * k, {0.6e-3, 0.5e-3 - 1e-5 * k, 1e-3});
+      const auto step =
+          turned.step(5.09 + 0.05 * k, seen, staying_at({1e-3, 0, 1e-3}), ControlMode::follow);
+      const auto wanted =
+          made.step(5.09 + 0.05 * k, seen, staying_at({1e-3, 0, 1e-3}), ControlMode::follow);
+      EXPECT_EQ(step.currents, wanted.currents) << k;
+      EXPECT_EQ(step.commanded, wanted.commanded) << k;
+    }
+  }
+}
+
+TEST(ServoControllerWatch, AViewThatWasMovedIsNoMotionOfTheRobot) {
+  const Vector3d by(0.3e-3, -0.2e-3, 0.1e-3);
+  ServoController moved(watched_model(), watched_settings(ControlLaw::estimator));
+  ServoController still(watched_model(), watched_settings(ControlLaw::estimator));
+  const Vector3d place(1e-3, 0, 1e-3);
+  for (int k = 0; k < 60; ++k) {
+    const double time = 5 + 0.05 * k;
+    const Vector3d at = place + Vector3d(2e-5, 1e-5, 0) * (k % 3);
+    const bool after = k >= 30;
+    if (k == 30) moved.view_moved(by);
+    const Vector3d shift = after ? by : Vector3d(0, 0, 0);
+    const auto wanted =
+        still.step(time + 0.08, seen_at(time, at), staying_at(place), ControlMode::follow);
+    const auto step = moved.step(time + 0.08, seen_at(time, at + shift), staying_at(place + shift),
+                                 ControlMode::follow);
+    ASSERT_TRUE(step.estimate && wanted.estimate);
+    EXPECT_LT((step.estimate->position - wanted.estimate->position - shift).norm(), 1e-9) << k;
+    EXPECT_LT((step.estimate->disturbance - wanted.estimate->disturbance).norm(), 1e-8) << k;
+  }
+}
+
+TEST(ServoControllerWatch, BoundsThemselves) {
+  ControllerSettings settings = watched_settings(ControlLaw::estimator);
+  settings.field_max = settings.field;
+  ServoController controller(watched_model(), settings);
+  const auto at_once =
+      controller.step(5, seen_at(5, {0, 0, 1e-3}), staying_at({0, 0, 1e-3}), ControlMode::follow);
+  EXPECT_FALSE(at_once.passed_over) << "measured when the currents are set";
+  EXPECT_THROW(controller.set_trim({0, std::nan(""), 0}, {0, 0, 0}), std::invalid_argument);
+  settings.proportional = 0;
+  EXPECT_THROW(ServoController(watched_model(), settings), std::invalid_argument);
+  settings.proportional = 2;
+  settings.max_speed = 0;
+  EXPECT_THROW(ServoController(watched_model(), settings), std::invalid_argument);
 }
 
 TEST(ServoControllerWatch, ItIsToldWhenTheMarginHasChangedTheCommand) {
