@@ -334,6 +334,43 @@ TEST(ServoControllerWatch, ItIsToldWhenTheMarginHasChangedTheCommand) {
   }
 }
 
+// What the robot is to do towards the wall, its drift with it, is a quarter of the dead time's
+// inverse times what is left to the rig's margin.
+TEST(ServoControllerWatch, TowardsAWallItGoesAsFastAsTheRigsMarginLeavesIt) {
+  RigModel model = watched_model();
+  model.eye = optics::model_eye_5_3();
+  model.eye_in_world = {0, 0, -5e-3};
+  model.keep_out.margin = 0.7e-3;
+  const RobotClearance clearance(model, {Vector3d::UnitX(), 0, false, false});
+  Vector3d low = model.eye_in_world + Vector3d(0, 0, model.eye.vertex(2) / 2);
+  while (clearance.at(low)->retina.distance > 1.2e-3) low.z() -= 0.05e-3;
+  ServoController controller(model, watched_settings(ControlLaw::estimator));
+  controller.keep_out(&clearance);
+  int kept = 0;
+  for (int k = 0; k < 30; ++k) {
+    const double time = 5 + 0.05 * k;
+    const ControlStep step =
+        controller.step(time + 0.08, seen_at(time, low - Vector3d(0, 0, 2e-6 * k)),
+                        staying_at(low - Vector3d(0, 0, 2e-3)), ControlMode::follow);
+    const auto margins = controller.margins();
+    if (!margins || !step.kept_out || step.limited) continue;
+    const control::PositionEstimate& ahead = margins->estimate;
+    const auto near = clearance.at(ahead.position, ahead.covariance.topLeftCorner<3, 3>());
+    control::KeepOut settings;
+    settings.margin = 0.7e-3;
+    settings.rate = 0.25 / controller.tuning()->loop.dead_time();
+    const Vector3d down(0, 0, -5e-3);
+    const double allowed = control::keep_out(settings, *near, down).velocity.z();
+    const Vector3d goes = ahead.disturbance + (1 + ahead.gain) * step.commanded;
+    EXPECT_NEAR(goes.z(), allowed, 1e-7) << k << ": m/s; the normal is not quite vertical";
+    kept += std::abs(allowed) < 0.45e-3 && std::abs(ahead.gain) > 0.01 &&
+                    ahead.disturbance.norm() > 1e-6
+                ? 1
+                : 0;
+  }
+  EXPECT_GT(kept, 10);
+}
+
 // What the filter's gate refused says nothing of the coils.
 TEST(ServoControllerWatch, WildMeasurementsAccuseNoCoil) {
   ServoController controller(watched_model(), watched_settings(ControlLaw::estimator));
