@@ -59,7 +59,9 @@ std::vector<std::string> check(FieldProbe& probe, Clock& clock, const FieldProbe
   try {
     for (int i = 0; i < 3 && findings.empty(); ++i) measure(probe, clock, how, findings);
     if (!findings.empty()) return findings;
-    if (how.misses_a_deadline) miss_the_deadline(probe, findings);
+    if (how.answer) how.answer(true);
+    miss_the_deadline(probe, findings);
+    if (how.answer) how.answer(false);
     // An answer that comes late must not be taken for that of the next question.
     measure(probe, clock, how, findings);
   } catch (const Stopped&) {

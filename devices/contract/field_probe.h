@@ -16,10 +16,10 @@ struct FieldProbeCheck {
   /// The field that really is there, in T, where it can be known; else null.
   std::function<std::vector<double>()> really{};
   double tolerance = 10e-6;  ///< T
-  /// On the wall clock of a busy machine an answer that comes at once may be there before the
-  /// question's own thread goes on: then no deadline is missed, and nothing can be told. True: the
-  /// answer takes tens of milliseconds, or the clock is virtual.
-  bool misses_a_deadline = true;
+  /// Makes the instrument take tens of milliseconds to answer (true), and as long as before
+  /// (false), where that can be done: on the wall clock of a busy machine an answer that comes at
+  /// once may be there before the question's own thread goes on, and no deadline is missed.
+  std::function<void(bool slow)> answer{};
 };
 
 /// Measures; returns one sentence for each duty that it fails. Lets Stopped pass.

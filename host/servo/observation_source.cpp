@@ -82,8 +82,7 @@ void check_cameras(const Rig& rig, const ServoCameras& cameras, const ServoSetti
 /// The localizer's model with the calibration on the known retina (thesis 6.2): the image's scale,
 /// where the eye is, or its numbers. Where the robot may go stays as the rig says.
 RigModel corrected(RigModel model, const ViewCorrection& view) {
-  if (view.image_scale != 1 || !view.offset.isZero() || view.eye)
-    model = without_measured_chain(std::move(model));
+  if (view.corrects()) model = without_measured_chain(std::move(model));
   model.top_image.pixel *= view.image_scale;
   model.eye_in_world += view.offset;
   if (!view.eye) return model;

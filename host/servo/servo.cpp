@@ -41,9 +41,7 @@ Servo::Servo(Clock& clock, Rig& rig, Recorder& recorder, ServoCameras cameras,
   // A replay of the frames needs these. A look on the retina corrects the centered optics: such a
   // loop does without a measured chain.
   const Eigen::Vector3d& axis = settings.axis;
-  const ViewCorrection& view = settings.view;
-  const bool by_chain =
-      rig.model.chain && view.image_scale == 1 && view.offset.isZero() && !view.eye;
+  const bool by_chain = rig.model.chain && !settings.view.corrects();
   recorder.event(clock.now(), "servo",
                  nlohmann::json{{"axis", {axis.x(), axis.y(), axis.z()}},
                                 {"axis_sigma", settings.axis_uncertainty()},

@@ -42,7 +42,7 @@ ClearanceBelief ServoSettings::clearance_belief() const {
   belief.axis = axis;
   belief.axis_sigma = std::max(axis_uncertainty(), kLeastAxisSigma);
   belief.through_eye = feedback != Feedback::pose_sensor || by_pose;
-  belief.calibrated = view.image_scale != 1 || !view.offset.isZero() || view.eye;
+  belief.calibrated = view.corrects();
   return belief;
 }
 

@@ -98,7 +98,8 @@ function eyes.differences(believed, eye)
   for _, name in ipairs(names) do
     local was, is = before[name], after[name]
     local nothing = was == nil and (is == 0 or is == math.huge)
-    if is ~= was and not nothing and name ~= "stop.surface" then
+    local same = is == was or (is ~= is and was ~= was) -- not a number is what nothing is known of
+    if not same and not nothing and name ~= "stop.surface" then
       local both = was and is and was ~= 0
       rows[#rows + 1] = { name, shown(name, was), shown(name, is), both and ("%+.3g %%"):format(100 * (is / was - 1)) or "" }
     end

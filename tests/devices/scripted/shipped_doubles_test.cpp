@@ -17,6 +17,7 @@
 #include <chrono>
 #include <cmath>
 #include <fstream>
+#include <functional>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -177,9 +178,14 @@ INSTANTIATE_TEST_SUITE_P(Ways, ConexDouble,
 
 // Lake Shore
 
-bool answers_late(const Options& options) {
-  return std::any_of(options.begin(), options.end(),
-                     [](const std::string& option) { return option.rfind("late=", 0) == 0; });
+/// Late as it was told to be at its start, or later.
+std::function<void(bool)> answering(DoubleProcess& instrument, const Options& options) {
+  std::string usual = "0.0";
+  for (const std::string& option : options)
+    if (option.rfind("late=", 0) == 0) usual = option.substr(5);
+  return [&instrument, usual](bool slow) {
+    instrument.order(R"({"set": {"late": )" + (slow ? "0.1" : usual) + "}}");
+  };
 }
 
 class LakeShoreDouble : public testing::TestWithParam<Options> {};
@@ -192,7 +198,7 @@ TEST_P(LakeShoreDouble, KeepsTheContractOfAFieldProbe) {
       on_double(older ? "lake_shore_425" : "lake_shore_475", instrument, *clock));
   contract::FieldProbeCheck how;
   how.really = [] { return std::vector{0.0345}; };
-  how.misses_a_deadline = answers_late(GetParam());
+  how.answer = answering(instrument, GetParam());
   EXPECT_EQ(contract::check(*probe, *clock, how), Findings{});
   EXPECT_EQ(instrument.number("lost"), 0);
 }
@@ -226,7 +232,7 @@ TEST_P(MetrolabDouble, KeepsTheContractOfAFieldProbe) {
   contract::FieldProbeCheck how;
   how.really = [] { return std::vector{0.01, -0.02, 0.0345}; };
   how.tolerance = 50e-6;
-  how.misses_a_deadline = answers_late(GetParam());
+  how.answer = answering(instrument, GetParam());
   EXPECT_EQ(contract::check(*probe, *clock, how), Findings{});
   EXPECT_EQ(instrument.order(R"({"get": "errors"})"), R"({"errors": []})");
   instrument.order(R"({"set": {"field": [0.5, 0, 0]}})");  // beyond 0.3 T
