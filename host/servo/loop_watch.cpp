@@ -60,7 +60,6 @@ LoopWatch::Velocities LoopWatch::velocities(const WatchedCommand& command) const
   const control::FieldGradient background = model_.field.background(known);
   const auto force = [this](const control::FieldGradient& made) -> Eigen::Vector3d {
     // F = (m . grad) B with m along B: the moment follows the field within milliseconds.
-    //.
     const double strength = made.head<3>().norm();
     if (!(strength > 0)) return Eigen::Vector3d::Zero();
     const Eigen::Vector3d moment = model_.robot.moment(strength) / strength * made.head<3>();

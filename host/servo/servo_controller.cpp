@@ -171,7 +171,6 @@ void ServoController::tune(double now, const control::PositionMeasurement& first
   control::ServoGains& gains = tuning_->gains;
   gains.proportional = settings_.proportional.value_or(gains.proportional);
   gains.max_speed = settings_.max_speed.value_or(gains.max_speed);
-  gains.check();
   estimator_.emplace(tuning_->estimator);
   // Until the first command acts, nothing carries the robot.
   estimator_->set_before(drag_at(first.position).inverse() * Eigen::Vector3d(0, 0, -loop.weight));
@@ -260,7 +259,7 @@ void ServoController::watch(const control::PositionMeasurement& measured, const 
     motion.turning = std::acos(std::clamp(watched_->second.dot(settings_.axis), -1.0, 1.0)) /
                      (measured.time - watched_->first);
   watched_.emplace(measured.time, settings_.axis);
-  if (settings_.law == ControlLaw::estimator && tuning_) {
+  if (settings_.law == ControlLaw::estimator) {  // tuned: it has taken the measurement
     const Eigen::Vector3d pull = -schedule_.proportional * motion.error;
     const double speed = pull.norm();
     motion.wanted =
@@ -289,7 +288,7 @@ const control::PositionEstimator* ServoController::estimator() const {
 
 /// The loop of the direction in which the filter corrects most: there the margins are least.
 std::optional<ServoMargins> ServoController::margins() const {
-  if (!estimator() || !estimator_->innovation() || !(schedule_.bandwidth > 0)) return std::nullopt;
+  if (!estimator() || !estimator_->innovation()) return std::nullopt;
   const control::LoopIdentity& known = tuning_->loop;
   control::SampledLoop loop;
   loop.period = known.period;
@@ -327,7 +326,7 @@ void ServoController::steer(ControlStep& step, double now,
     force = velocity_.update(measured.time, measured.position, reference);
     step.correction = mobility_ * force - reference.velocity;
   }
-  if (clearance_ != nullptr && estimator_ && mode != ControlMode::constant) {
+  if (estimator_ && mode != ControlMode::constant) {
     const double late = estimator_->at(now).value_or(control::PositionEstimate{}).delay;
     const auto ahead = estimator_->at(now + std::max(0.0, tuning_->horizon + late));
     const Eigen::Matrix3d drag = drag_at(measured.position);
@@ -358,7 +357,7 @@ Eigen::Matrix3d ServoController::drag_at(const Eigen::Vector3d& position) const 
   const double out = from_center.norm();
   // From the wall to the robot; at the sphere's center every direction is as near.
   const Eigen::Vector3d normal =
-      out > kNearest ? Eigen::Vector3d(-from_center / out) : Eigen::Vector3d::UnitZ();
+      out > kNearest ? Eigen::Vector3d(-from_center) : Eigen::Vector3d::UnitZ();
   const Eigen::Matrix3d beside =
       control::resistance_near_wall(drag_, model_.robot, normal, std::max(radius - out, kNearest));
   return control::resistance_near_wall(
