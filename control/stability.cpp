@@ -16,7 +16,7 @@ Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medi
   require(currents.size() == field.coils(), "currents: one a coil is wanted");
   const FieldGradient made = field.matrix(position) * currents + field.background(position);
   const double strength = made.head<3>().norm();
-  const Eigen::Vector3d weight(0, 0, -robot.net_weight(medium));
+  Eigen::Vector3d weight(0, 0, -robot.net_weight(medium));
   if (!(strength > 0)) return weight;
   const Eigen::Vector3d moment = robot.moment(strength) / strength * made.head<3>();
   return weight + force_from_field(moment) * made;

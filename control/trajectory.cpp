@@ -124,7 +124,7 @@ Trajectory Trajectory::waypoints(const std::vector<Eigen::Vector3d>& points,
   for (std::size_t k = 0; k < points.size(); ++k) {
     require(points[k].allFinite(), "waypoints: a number is not finite");
     if (k == 0 || points[k] == points[k - 1]) continue;
-    const Eigen::Vector3d from = points[k - 1];
+    const Eigen::Vector3d& from = points[k - 1];
     const Eigen::Vector3d step = points[k] - from;
     result.append([&](double t) { return Eigen::Vector3d(from + t * step); }, limits);
   }

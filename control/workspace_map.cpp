@@ -17,7 +17,8 @@ namespace {
 std::vector<Eigen::Vector3d> directions() {
   std::vector<Eigen::Vector3d> list;
   for (int k = 14; k < 27; ++k) {
-    list.push_back(Eigen::Vector3d(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1).normalized());
+    const Eigen::Vector3i cell(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+    list.push_back(cell.cast<double>().normalized());
   }
   return list;
 }

@@ -100,7 +100,7 @@ std::optional<EllipseMeasurement> BlobTracker::State::as_predicted(const cv::Mat
 // than nothing.
 std::optional<EllipseMeasurement> BlobTracker::State::of_blob(const cv::Mat& image,
                                                               const Ellipse& blob) {
-  const auto found = measure(image, blob);
+  auto found = measure(image, blob);
   if (found && same_axes(found->ellipse, *last)) return found;
   const auto predicted = as_predicted(image);
   return predicted ? predicted : found;

@@ -90,7 +90,7 @@ double ColorTracker::State::look_work(const Eigen::Vector2d& axes) const {
 Observation ColorTracker::State::observe(const cv::Mat& image, const Ellipse& start, double gate_px,
                                          const EllipsePrior& prior, const Owned& owned,
                                          bool from_front) {
-  const Observation seen = view.observe(image, start, gate_px, prior, owned, from_front);
+  Observation seen = view.observe(image, start, gate_px, prior, owned, from_front);
   const double whole = look_work({start.semi_major_px, start.semi_minor_px});
   work += seen.segment.area_px > 0 ? whole : kColorsAlone * whole;
   return seen;

@@ -31,7 +31,8 @@ void compress(cv::Mat& image, int quality) {
         cv::Mat c;
         cv::dct(block, c);
         for (int i = 0; i < 64; ++i) {
-          const double step = scale * ((p == 0 ? 11 : 16) + (p == 0 ? 7 : 11) * (i / 8 + i % 8));
+          const int wave = i / 8 + i % 8;
+          const double step = scale * ((p == 0 ? 11 : 16) + (p == 0 ? 7 : 11) * wave);
           auto& value = c.at<float>(i / 8, i % 8);
           value = static_cast<float>(step * std::round(value / step));
         }

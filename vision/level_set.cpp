@@ -235,7 +235,10 @@ void LevelSet::evolve(const Thresholds& thresholds) {
 void LevelSet::evolve_to_prior(const PlacedShape& prior) {
   const std::int16_t* f = evidence_->values().data();
   const cv::Rect& region = evidence_->region();
-  const auto at = [&](int p) { return prior.at(region.x + p % stride_, region.y + p / stride_); };
+  const auto at = [&](int p) {
+    const cv::Point pixel(region.x + p % stride_, region.y + p / stride_);
+    return prior.at(pixel.x, pixel.y);
+  };
   for (int i = 0; i < settings_.prior_iterations && !leaked_; ++i) {
     for (std::size_t k = 0; k < out_.size(); ++k)
       flag_[k] = f[out_[k]] != Evidence::kBlocked && at(out_[k]) < 0;
@@ -345,12 +348,14 @@ Segment LevelSet::keep_largest() {
 void LevelSet::front(std::vector<FrontPoint>& points) const {
   points.clear();
   const cv::Rect& region = evidence_->region();
-  for (const int p : in_)
-    points.push_back({static_cast<float>(region.x + p % stride_),
-                      static_cast<float>(region.y + p / stride_), -0.5F});
-  for (const int p : out_)
-    points.push_back({static_cast<float>(region.x + p % stride_),
-                      static_cast<float>(region.y + p / stride_), 0.5F});
+  const auto add = [&](const auto& list, float distance) {
+    for (const int p : list) {
+      const cv::Point pixel(region.x + p % stride_, region.y + p / stride_);
+      points.push_back({static_cast<float>(pixel.x), static_cast<float>(pixel.y), distance});
+    }
+  };
+  add(in_, -0.5F);
+  add(out_, 0.5F);
 }
 
 }  // namespace vitreo::vision

@@ -125,8 +125,10 @@ std::string ObjectModel::save() const {
 // bounds.
 ObjectModel ObjectModel::load(std::string_view bytes) {
   std::uint32_t version = kObjectVersion;
-  if (bytes.size() > 4 && bytes[4] >= 1 && bytes[4] < static_cast<int>(kObjectVersion))
-    version = static_cast<std::uint32_t>(bytes[4]);
+  if (bytes.size() > 4) {
+    const std::uint32_t told = static_cast<unsigned char>(bytes[4]);
+    if (told >= 1 && told < kObjectVersion) version = told;
+  }
   ByteReader in(bytes, kObjectMagic, version, "object model");
   ObjectModel model;
   model.image_size.width = in.integer(1, 100000);

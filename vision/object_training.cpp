@@ -205,6 +205,7 @@ ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
   if (model.gray.known) model.gray.thresholds = thresholds_gray(model, images, color);
   const std::vector<KnownObject> whole = whole_masks(images);
   std::vector<cv::Mat> masks;
+  masks.reserve(whole.size());
   for (const KnownObject& one : whole) masks.push_back(one.labeled.mask);
   model.shape = ShapeModel::train(masks);
   model.image_size = images[0].image.size();

@@ -214,8 +214,9 @@ double apart_px(const Eigen::Affine2d& a, const Eigen::Affine2d& b, const cv::Si
   constexpr int kSide = 5;
   double sum = 0;
   for (int k = 0; k < kSide * kSide; ++k) {
-    const Eigen::Vector2d p((k % kSide) * (size.width - 1.0) / (kSide - 1),
-                            (k / kSide) * (size.height - 1.0) / (kSide - 1));
+    const int row = k / kSide, column = k % kSide;
+    const Eigen::Vector2d p(column * (size.width - 1.0) / (kSide - 1),
+                            row * (size.height - 1.0) / (kSide - 1));
     sum += (a * p - b * p).squaredNorm();
   }
   return std::sqrt(sum / (kSide * kSide));

@@ -61,7 +61,8 @@ cv::Mat TipTemplate::sampled(const cv::Mat& image, const Ellipse& body, double h
   const double scale = std::sqrt(body.semi_major_px * body.semi_minor_px) / scale_px_;
   const Eigen::Vector2d x = scale * turned({1, 0}, heading);
   const Eigen::Vector2d y = scale * turned({0, 1}, heading);
-  const Eigen::Vector2d first = body.center_px + (from_ - margin) * x - (rows_ / 2 + margin) * y;
+  const int half = rows_ / 2;
+  const Eigen::Vector2d first = body.center_px + (from_ - margin) * x - (half + margin) * y;
   const cv::Matx23d image_from_grid(x.x(), y.x(), first.x(), x.y(), y.y(), first.y());
   const int more = 2 * static_cast<int>(margin);
   cv::Mat grid;

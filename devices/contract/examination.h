@@ -4,13 +4,28 @@
 #pragma once
 
 #include "devices/time/clock.h"
+#include "devices/time/error.h"
 
 #include <algorithm>
 #include <exception>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace vitreo::contract {
+
+/// With which kind of error a call that is given no time fails; nothing: it does not notice. Of
+/// three calls, because on the wall clock of a busy machine an answer may be there before the
+/// question's own thread goes on.
+template <class Call>
+std::optional<DeviceErrorKind> error_without_time(const Call& call) {
+  for (int attempt = 0; attempt < 3; ++attempt) try {
+      call();
+    } catch (const DeviceError& error) {
+      return error.kind;
+    }
+  return std::nullopt;
+}
 
 /// `Suite` derives from it and has `void leave_safe()`, which is called when the examination is
 /// stopped.

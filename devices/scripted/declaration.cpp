@@ -398,6 +398,7 @@ Loaded load(const std::string& file, const std::string& text, const UnitLookup& 
   Asked asked{&sandbox, &units, &values};
   lua_State* const L = sandbox.stack();
   // `asked` does not outlive this call, and the script may keep the function.
+  // NOLINTNEXTLINE(bugprone-sizeof-expression): the pointer's own size.
   auto* const open = static_cast<Asked**>(lua_newuserdatauv(L, sizeof(Asked*), 0));
   *open = &asked;
   lua_pushcclosure(L, declare_settings, 1);

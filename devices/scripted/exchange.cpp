@@ -413,7 +413,7 @@ std::optional<QuantityValue> Exchange::call(const Reference& function,
     for (const QuantityValue& argument : arguments) push_quantity(L, argument);
     invoke(1 + static_cast<int>(arguments.size()), 1, this);
     const bool none = lua_isnil(L, -1);
-    const auto value = none ? std::nullopt : quantity_at(L, -1);
+    auto value = none ? std::nullopt : quantity_at(L, -1);
     const std::string kind = luaL_typename(L, -1);
     lua_pop(L, 1);
     if (!none && !value)

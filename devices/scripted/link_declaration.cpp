@@ -10,7 +10,7 @@ namespace {
 constexpr double kLongestAnswer = 600;  // s
 
 std::string one_byte(TableReader& reader, const std::string& key) {
-  const std::string text = reader.text(key, "");
+  std::string text = reader.text(key, "");
   if (text.size() != 1) reader.fail(key, "must be one byte");
   return text;
 }

@@ -126,7 +126,7 @@ void Renderer::prepare_noise() {
 }
 
 // The empty scene: blurred, vignetted and tinted, in units of 1/256 gray level.
-void Renderer::set_ground(cv::Mat ground, double ground_defocus) {
+void Renderer::set_ground(const cv::Mat& ground, double ground_defocus) {
   require(ground.cols == view_.width && ground.rows == view_.height && ground.depth() == CV_32F &&
               (ground.channels() == 1 || ground.channels() == 3),
           "ground: an image of one or three floats a pixel, of the view's size, is wanted");

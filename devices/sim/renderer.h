@@ -55,7 +55,7 @@ class Renderer {
   /// green, red) of a color sensor.
   cv::Mat render(const std::vector<DrawnBody>& bodies, std::uint64_t frame);
   /// Another empty scene from the next image on, for a ground that moves.
-  void set_ground(cv::Mat ground, double ground_defocus);
+  void set_ground(const cv::Mat& ground, double ground_defocus);
   const View& view() const { return view_; }
 
  private:

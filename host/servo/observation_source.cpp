@@ -69,7 +69,8 @@ void check_cameras(const Rig& rig, const ServoCameras& cameras, const ServoSetti
     return;
   }
   require(rig.top_camera != nullptr, "the role top_camera");
-  require(!needs_background(feedback) || cameras.top, "a background of the empty scene");
+  require(!needs_background(feedback) || cameras.top,
+          "a background of the empty scene, as rig:learn_background() gives it");
   require(!needs_colors(feedback) || !cameras.colors.empty(), "a color model of the robot");
   require(!rig.model.plain_view || feedback == Feedback::two_cameras,
           "a view through the eye: a plain one from above has no depth; two_cameras has");

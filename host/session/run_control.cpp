@@ -259,11 +259,7 @@ void RunControl::set_progress(double fraction, const std::string& doing) {
   const std::lock_guard lock(mutex_);
   status_.progress = fraction;
   if (!doing.empty()) status_.doing = doing;
-  const double elapsed =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
-  // The first percent says little about the rest.
-  // Linear extrapolation of the time so far.
-  status_.remaining = fraction > 0.01 ? elapsed * (1 - fraction) / fraction : -1;
+  status_.remaining = remaining_.told(fraction).value_or(-1);
   ++changes_;
 }
 

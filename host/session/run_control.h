@@ -4,6 +4,7 @@
 #pragma once
 
 #include "host/record/run_data.h"
+#include "host/session/remaining_time.h"
 #include "host/session/run_status.h"
 
 #include <array>
@@ -133,7 +134,7 @@ class RunControl {
   EndCause cause_;
   std::string location_;
   std::string override_by_;
-  const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+  RemainingTime remaining_;
   std::vector<std::string> failures_;
 };
 

@@ -41,20 +41,16 @@ std::size_t columns() {
 
 }  // namespace
 
-ProgressLine::ProgressLine(std::ostream& out, bool animate)
-    : out_(out), animate_(animate), began_(wall_seconds()) {}
+ProgressLine::ProgressLine(std::ostream& out, bool animate) : out_(out), animate_(animate) {}
 ProgressLine::~ProgressLine() { clear(); }
 
 // The label is a script's text: no escape sequence and no line end of it reaches the terminal.
-std::string ProgressLine::text(double fraction, const std::string& label) const {
+std::string ProgressLine::text(double fraction, const std::string& label,
+                               std::optional<double> remaining) const {
   const int filled = static_cast<int>(std::lround(fraction * kBar));
   std::string bar;
   for (int i = 0; i < kBar; ++i) bar += i < filled ? "#" : ".";
-  // Remaining = elapsed (1 - f) / f. The first percent says little about the rest.
-  const double elapsed = wall_seconds() - began_;
-  const std::string left = fraction > 0.01 && fraction < 1
-                               ? duration_text(elapsed * (1 - fraction) / fraction) + " left"
-                               : "";
+  const std::string left = remaining && fraction < 1 ? duration_text(*remaining) + " left" : "";
   std::string words = harmless(label);
   // A tab has the width of what stands before it.
   std::replace_if(
@@ -69,11 +65,12 @@ std::string ProgressLine::text(double fraction, const std::string& label) const 
 void ProgressLine::progress(double fraction, const std::string& label) {
   const std::lock_guard lock(mutex_);
   fraction = std::clamp(fraction, 0.0, 1.0);
+  const std::optional<double> left = remaining_.told(fraction);
   if (!animate_) {
     const int tenth = static_cast<int>(fraction * 10);
     if (tenth == shown_tenth_) return;
     shown_tenth_ = tenth;
-    out_ << text(fraction, label) << std::endl;
+    out_ << text(fraction, label, left) << std::endl;
     return;
   }
   const double now = wall_seconds();
@@ -81,7 +78,7 @@ void ProgressLine::progress(double fraction, const std::string& label) {
   shown_at_ = now;
   // A line that wraps could not be drawn over; in the last column some terminals wrap at once.
   const std::size_t room = columns() - 1;
-  std::string line = text(fraction, label);
+  std::string line = text(fraction, label, left);
   if (columns_of(line) > room)
     line.erase(0, line.find(']') + 2);  // the words say more than the bar
   line = first_columns(line, room);

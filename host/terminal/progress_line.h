@@ -3,9 +3,11 @@
 #pragma once
 
 #include "host/session/progress_listener.h"
+#include "host/session/remaining_time.h"
 
 #include <iosfwd>
 #include <mutex>
+#include <optional>
 #include <string>
 
 namespace vitreo {
@@ -23,12 +25,12 @@ class ProgressLine : public ProgressListener {
   void clear();                                 // takes the line away
 
  private:
-  std::string text(double fraction, const std::string& label) const;
+  std::string text(double fraction, const std::string& label, std::optional<double> left) const;
   void wipe();
   std::mutex mutex_;  // of all below
   std::ostream& out_;
   bool animate_;
-  double began_;          // s, wall clock
+  RemainingTime remaining_;
   double shown_at_ = -1;  // s, wall clock
   int shown_tenth_ = -1;
   std::size_t width_ = 0;  // of the line on the screen, columns

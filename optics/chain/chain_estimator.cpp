@@ -182,8 +182,9 @@ ChainEstimate SessionSearch::made() const {
         one.minimum.chi2 <= best.minimum.chi2 + settings_.equal_chi2)
       minima.push_back(one.minimum);
   }
+  const auto covariance = mixed_covariance(minima);
   ChainEstimate estimate{
-      .belief = {ViewingChain(nominal_, parameters_, best.minimum.theta), mixed_covariance(minima)},
+      .belief = {ViewingChain(nominal_, parameters_, best.minimum.theta), covariance},
       .minima = std::move(minima),
       .chi2 = best.minimum.chi2,
       .degrees_of_freedom = degrees_,

@@ -82,10 +82,10 @@ std::string Designer::violated() const {
            in_mm(options_.max_spot) + " asked";
   }
   for (std::size_t i = 1; i < now_.system.surfaces.size(); ++i) {
-    const std::string profile = problem_.is_variable(i) ? violated_profile(i) : "";
+    std::string profile = problem_.is_variable(i) ? violated_profile(i) : "";
     if (!profile.empty()) return profile;
     const bool gap = i + 1 < now_.system.surfaces.size() && problem_.gap_is_variable(i);
-    const std::string thin = gap ? violated_gap(i) : "";
+    std::string thin = gap ? violated_gap(i) : "";
     if (!thin.empty()) return thin;
   }
   return {};

@@ -138,7 +138,8 @@ bool WideAngleMap::bundles_pass(double angle) {
   Spot spot;
   const int arms = symmetric_ ? 1 : detail::SkewTable::kArms;
   for (int i = 0; i < arms * kDepths; ++i) {
-    const double azimuth = 2 * std::numbers::pi * (i / kDepths) / arms;
+    const int arm = i / kDepths;
+    const double azimuth = 2 * std::numbers::pi * arm / arms;
     const auto at = point_at_field(tracer_.system(), angle,
                                    settings_.max_depth * (i % kDepths) / (kDepths - 1));
     if (!at) return false;
@@ -436,7 +437,7 @@ std::optional<Eigen::Vector3d> WideAngleMap::point(const AerialPoint& aerial) co
 std::optional<AerialPoint> WideAngleMap::traced_image(const Eigen::Vector3d& point) const {
   PupilTracer tracer = tracer_;  // a focusing microscope moves its pupil
   Spot spot;
-  const auto aerial = focus_bundle(point, tracer, spot);
+  auto aerial = focus_bundle(point, tracer, spot);
   if (settings_.microscope && aerial && spot.chief_stop.norm() > stop_radius_) return std::nullopt;
   return aerial;
 }

@@ -75,7 +75,8 @@ double WideAngleMap::skew_error() const {
   Spot spot;
   double worst = 0;
   for (int i = 0; i < 5 * SkewTable::kArms; ++i) {
-    const double azimuth = kTurn * (i / 5 + 0.5) / SkewTable::kArms;
+    const int arm = i / 5;
+    const double azimuth = kTurn * (arm + 0.5) / SkewTable::kArms;
     const Eigen::Vector2d field =
         kRadii[i % 5] * Eigen::Vector2d(std::cos(azimuth), std::sin(azimuth));
     const Eigen::Vector3d position(field.x(), field.y(), kDepths[(i + i / 5) % 5]);

@@ -63,6 +63,7 @@ Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, doubl
 std::vector<Vector> ellipsoid_outline(const Across& across, const Vector& w, double far,
                                       int count) {
   std::vector<Vector> points;
+  points.reserve(static_cast<std::size_t>(count));
   const double sine = 1 / far;
   const double cosine = std::sqrt(1 - sine * sine);
   for (int i = 0; i < count; ++i)
@@ -98,6 +99,8 @@ std::vector<Vector> general_outline(const ObjectModel& body, const Across& acros
   constexpr int kNormals = 240;
   std::vector<Vector> polygon;
   std::vector<Vector> points;
+  polygon.reserve(kNormals);
+  points.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < kNormals; ++i)
     polygon.push_back(touching(body, across.at(kTurn * i / kNormals), w, far));
   std::size_t edge = 0;
@@ -149,7 +152,7 @@ std::vector<Vector> crossed_outline(const ObjectModel& body, const Vector& unit,
 /// False for a rim without area, or one so thin that its moments no longer tell its axes.
 bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
              Eigen::Matrix2d& shape) {
-  const Eigen::Vector2d origin = rim.front();
+  const Eigen::Vector2d& origin = rim.front();
   double area = 0;
   Eigen::Vector2d first(0, 0);
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero();

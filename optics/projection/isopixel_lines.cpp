@@ -132,7 +132,7 @@ GridLines::GridLines(const TraceLine& trace, double max_m)
   nodes_.reserve(static_cast<std::size_t>(kNodes) * kNodes);
   for (int j = 0; j < kNodes; ++j) {
     for (int i = 0; i < kNodes; ++i) {
-      const auto traced = trace({(i - kNodes / 2) * step_, (j - kNodes / 2) * step_});
+      const auto traced = trace({(i - kMiddle) * step_, (j - kMiddle) * step_});
       nodes_.push_back(traced ? Eigen::Vector4d(traced->at_retina.x(), traced->at_retina.y(),
                                                 traced->slope.x(), traced->slope.y())
                               : Eigen::Vector4d::Constant(kNan));
@@ -156,7 +156,7 @@ IsopixelLine GridLines::line(const Eigen::Vector2d& m) const {
   double change[2][4];
   int first[2];
   for (int axis = 0; axis < 2; ++axis) {
-    const double index = m[axis] / step_ + kNodes / 2;
+    const double index = m[axis] / step_ + kMiddle;
     first[axis] = std::clamp(static_cast<int>(index) - 1, 0, kNodes - 4);
     const double t = index - first[axis] - 1;  // from the second of four nodes; in [0, 1]
     double* w = weight[axis];

@@ -76,6 +76,7 @@ class GridLines {
 
  private:
   static constexpr int kNodes = 81;  // a side; odd, so that one is the middle
+  static constexpr int kMiddle = kNodes / 2;
   double max_m_ = 0;
   double step_ = 0;
   std::vector<Eigen::Vector4d> nodes_;  // at_retina x, y, slope x, y; NaN where lost

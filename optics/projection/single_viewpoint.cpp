@@ -44,6 +44,7 @@ std::vector<Curve> trace_curves(const System& system, const Microscope& centered
 /// With an even number of curves the upper of the two in the middle.
 double median_intersection_with_axis(const std::vector<Curve>& curves) {
   std::vector<double> z;
+  z.reserve(curves.size());
   for (const Curve& curve : curves) z.push_back(-curve.at_retina / curve.slope);
   const auto middle = z.begin() + static_cast<std::ptrdiff_t>(z.size() / 2);
   std::nth_element(z.begin(), middle, z.end());

@@ -92,7 +92,8 @@ void march(const KernelSurface& f, RayBlock& rays) {
     for (int k = 0; k < kGradientSteps; ++k) graded_step(g, whole / kGradientSteps, r, t);
     const double aside = step_to<kToric>(f, g, r, t);
     travelled += aside;
-    for (int k = 0; k < kGradientSteps / 2; ++k) graded_step(g, aside / (kGradientSteps / 2), r, t);
+    constexpr int kHalf = kGradientSteps / 2;
+    for (int k = 0; k < kHalf; ++k) graded_step(g, aside / kHalf, r, t);
     double last = 1.0;
     for (int k = 0; k < kGradientNewton; ++k) {
       const double h = step_to<kToric>(f, g, r, t);

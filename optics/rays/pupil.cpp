@@ -67,6 +67,7 @@ std::vector<Eigen::Vector2d> disc_samples(int rings, int arms) {
 std::vector<Eigen::Vector2d> fan_samples(int count) {
   detail::require_at_least(count, 2, "count");
   std::vector<Eigen::Vector2d> samples;
+  samples.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) samples.emplace_back(2.0 * i / (count - 1) - 1, 0);
   return samples;
 }

@@ -149,7 +149,8 @@ double parameter(const Prescription& prescription, std::string_view name) {
 /// All overrides at once, since some are sound only together. When the result is unsound, each is
 /// tried alone, so that the error names the parameter at fault.
 /// A Prescription is returned whole or an error is thrown; nothing is half changed.
-Prescription with_parameters(Prescription prescription, std::span<const Override> overrides) {
+Prescription with_parameters(const Prescription& prescription,
+                             std::span<const Override> overrides) {
   prescription.check();
   Prescription changed = prescription;
   for (const auto& [name, value] : overrides) set(changed, name, value);

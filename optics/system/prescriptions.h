@@ -56,7 +56,7 @@ using Override = std::pair<std::string, double>;
 /// all other entries of the table stay, so what lies behind moves along. Throws
 /// std::invalid_argument naming the parameter for an unknown name (with suggestions) and for a
 /// value that leaves the system unsound.
-Prescription with_parameters(Prescription prescription, std::span<const Override> overrides);
+Prescription with_parameters(const Prescription& prescription, std::span<const Override> overrides);
 
 /// The eye when it accommodates by `accommodation` (dioptres, 1/m): lens and anterior chamber as
 /// Navarro, Santamaria & Bescos (1985), table 4, with the relaxed values of the prescription

@@ -46,9 +46,10 @@ constexpr std::array<Fault, 21> kFaults{{
     {"pose_sensor", "unplugged"},
     {"pose_sensor", "alternating"},
 }};
-constexpr double kMoment = 24;  // s, until which a fault begins
-constexpr double kLongest = 5;  // s, that it lasts
-constexpr double kPause = 15;   // s, in which the rig rests
+constexpr double kMoment = 24;   // s, until which a fault begins
+constexpr double kLongest = 5;   // s, that it lasts
+constexpr double kAnswer = 0.5;  // s, by which a question that was asked meanwhile has failed
+constexpr double kPause = 15;    // s, in which the rig rests
 
 /// As often as an amplifier that does not answer may abort a wait, each after a twentieth of a
 /// second or more.
@@ -68,7 +69,7 @@ std::string statements(int number, const Fault* fault, std::mt19937& random) {
        << ") local most = 0 for _, i in ipairs(rig.coils:currents()) do "
        << "most = math.max(most, math.abs(i)) end print('REST', " << number
        << ", run:now() // 1, most) rig.coils:enable() end\n";
-  text << "do over = run:now() + " << after + lasting << " ";
+  text << "do over = run:now() + " << after + lasting + kAnswer << " ";
   if (fault != nullptr) {
     text << "rig.simulation:fault('" << fault->role << "', '" << fault->kind
          << "', { after = " << after << ", lasting = " << lasting;

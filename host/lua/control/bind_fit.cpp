@@ -83,6 +83,7 @@ int named_result(const Call& call, const CurveFit& fit, const std::vector<std::s
 // Parameters without names come as lists: in the order of the powers of x, or of f's arguments.
 int listed_result(const Call& call, const CurveFit& fit) {
   std::vector<double> sigmas;
+  sigmas.reserve(static_cast<std::size_t>(fit.parameters.size()));
   for (int i = 0; i < fit.parameters.size(); ++i) sigmas.push_back(fit.sigma(i));
   ResultTable table(call);
   table.numbers("parameters", {fit.parameters.begin(), fit.parameters.end()})

@@ -138,7 +138,7 @@ optics::ObjectModel body_option(const Call& call) {
 
 SeenEllipse ellipse_option(const Call& call) {
   if (!call.push_option("ellipse")) throw std::invalid_argument("ellipse: is missing");
-  const SeenEllipse seen = seen_at(OptionTable(call.L, lua_gettop(call.L)));
+  SeenEllipse seen = seen_at(OptionTable(call.L, lua_gettop(call.L)));
   lua_pop(call.L, 1);
   return seen;
 }

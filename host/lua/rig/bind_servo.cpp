@@ -426,7 +426,8 @@ void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras&
       throw std::invalid_argument(std::string("feedback \"") + to_string(settings.feedback) +
                                   "\" needs " + what);
   };
-  need(!needs_background(settings.feedback) || eyes.top, "a background of the empty scene");
+  need(!needs_background(settings.feedback) || eyes.top,
+       "a background of the empty scene, as rig:learn_background() gives it");
   need(!needs_colors(settings.feedback) || !eyes.colors.empty(), "a color model of the robot");
   // By the feedback of the run itself, which is replaced below.
   settings.by_pose = settings.feedback != Feedback::pose_sensor;

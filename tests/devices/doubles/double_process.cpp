@@ -19,6 +19,7 @@
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <sys/wait.h>
+#include <system_error>
 #include <unistd.h>
 #include <utility>
 
@@ -65,7 +66,9 @@ DoubleProcess DoubleProcess::on_socket(const std::string& instrument,
   std::vector<std::string> words = words_of(instrument, options);
   words.emplace_back("--socket");
   words.push_back(folder + "/s");
-  return DoubleProcess(words, "");
+  DoubleProcess made(words, "");
+  made.folder_ = folder;
+  return made;
 }
 
 DoubleProcess DoubleProcess::of_server(const std::string& script,
@@ -102,7 +105,8 @@ DoubleProcess::DoubleProcess(DoubleProcess&& other) noexcept
       orders_(std::exchange(other.orders_, -1)),
       answers_(std::exchange(other.answers_, -1)),
       read_(std::move(other.read_)),
-      address_(std::move(other.address_)) {}
+      address_(std::move(other.address_)),
+      folder_(std::exchange(other.folder_, {})) {}
 
 DoubleProcess::~DoubleProcess() {
   if (process_ < 0) return;
@@ -110,6 +114,8 @@ DoubleProcess::~DoubleProcess() {
   ::close(answers_);
   ::kill(process_, SIGTERM);
   ::waitpid(process_, nullptr, 0);
+  std::error_code ignored;
+  if (!folder_.empty()) std::filesystem::remove_all(folder_, ignored);
 }
 
 std::string DoubleProcess::line() {

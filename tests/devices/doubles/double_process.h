@@ -50,6 +50,7 @@ class DoubleProcess {
   int orders_ = -1, answers_ = -1;
   std::string read_;
   std::string address_;
+  std::string folder_;  // of its socket; empty: it has none
 };
 
 /// The host's end of a double on a socket.

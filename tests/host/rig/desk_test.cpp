@@ -7,6 +7,7 @@
 #include "host/rig/calibrations.h"
 #include "host/session/alarms.h"
 #include "host/session/clock_map.h"
+#include "host/session/remaining_time.h"
 #include "host/terminal/line_editor.h"
 #include "host/terminal/progress_line.h"
 #include "host/text/terminal_text.h"
@@ -14,6 +15,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <latch>
@@ -129,6 +131,22 @@ TEST(ProgressLineTest, AScriptCannotSteerTheTerminal) {
                      "31m"),
             "\\u009b31m")
       << "a control sequence of one character";
+}
+
+// At the prompt a run begins when it begins, and not when the prompt or the run before did.
+TEST(RemainingTimeTest, IsReckonedFromTheBeginOfTheRunThatIsTold) {
+  using namespace std::chrono_literals;
+  RemainingTime remaining;
+  const auto prompt = std::chrono::steady_clock::now();
+  EXPECT_FALSE(remaining.told(0, prompt + 100s));
+  EXPECT_FALSE(remaining.told(0.005, prompt + 101s));
+  EXPECT_NEAR(remaining.told(0.25, prompt + 110s).value(), 30, 1e-9);
+  EXPECT_NEAR(remaining.told(0.5, prompt + 120s).value(), 20, 1e-9);
+  EXPECT_FALSE(remaining.told(0.1, prompt + 200s)) << "another, of which a tenth is done";
+  EXPECT_NEAR(remaining.told(0.2, prompt + 210s).value(), 80, 1e-9);
+  EXPECT_EQ(remaining.told(1, prompt + 300s), 0);
+  EXPECT_FALSE(remaining.told(0, prompt + 400s));
+  EXPECT_NEAR(remaining.told(0.5, prompt + 407s).value(), 7, 1e-9);
 }
 
 TEST(ProgressLineTest, IsNoLongerThanTheTerminalWhateverTheWidthOfItsCharacters) {

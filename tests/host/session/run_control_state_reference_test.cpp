@@ -131,10 +131,10 @@ TEST(RunControlStateReference, the_displayed_state_is_the_true_one) {
 TEST(RunControlStateReference, progress_tells_what_remains_at_the_pace_so_far) {
   using Clock = std::chrono::steady_clock;
   const auto seconds = [](Clock::duration d) { return std::chrono::duration<double>(d).count(); };
-  const auto earliest = Clock::now();
   RunControl control;
-  const auto latest = Clock::now();
+  const auto earliest = Clock::now();
   control.set_progress(0, "focus");
+  const auto latest = Clock::now();
   EXPECT_LT(control.status().remaining, 0);
   EXPECT_EQ(control.status().doing, "focus");
   std::this_thread::sleep_for(20ms);
