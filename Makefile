@@ -64,9 +64,9 @@ format:          ## lay out the C++ sources
 	@clang-format -i $(SOURCES)
 format-check:    ## fail where the layout differs
 	@clang-format --dry-run --Werror $(SOURCES)
-tidy: setup      ## clang-tidy over our own sources; not by the release's commands, whose precompiled headers are gcc's
+tidy: setup      ## clang-tidy over our own sources (an hour and a half on 2 cores); not by the release's commands, whose precompiled headers are gcc's
 	cmake --preset dev
-	sh cmake/tidy.sh build/dev
+	python3 -B cmake/tidy.py build/dev
 
 install: build   ## install program, scripts, docs, man page, completion, udev rules (PREFIX=/usr/local)
 	$(SUDO) cmake --install $(BUILD) --prefix $(PREFIX)

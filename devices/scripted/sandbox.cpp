@@ -130,6 +130,9 @@ std::int64_t nanoseconds(clockid_t which) {
 struct Reference::Held {
   lua_State* L;
   int number;
+  Held(lua_State* main, int its) : L(main), number(its) {}
+  Held(const Held&) = delete;
+  Held& operator=(const Held&) = delete;
   ~Held() { luaL_unref(L, LUA_REGISTRYINDEX, number); }
 };
 

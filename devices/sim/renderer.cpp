@@ -91,7 +91,7 @@ void Sensor::check() const {
   require(vignette >= 0 && vignette < 1, "vignette must be in [0, 1)");
 }
 
-Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground,
+Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, const cv::Mat& ground,
                    double ground_defocus, const Sensor& sensor, const BodyLook& look,
                    std::uint64_t seed)
     : view_(std::move(view)),
@@ -103,7 +103,7 @@ Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::M
   sensor_.check();
   prepare_noise();
   vignette_ = vignette_of(view_.width, view_.height, sensor_.vignette);
-  set_ground(std::move(ground), ground_defocus);
+  set_ground(ground, ground_defocus);
 }
 
 // Linear camera model (EMVA 1288): the variance in electrons is that of the shot noise, which is

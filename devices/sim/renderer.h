@@ -47,7 +47,7 @@ class Renderer {
 
   /// `ground`: sharp reflectance of the empty scene, CV_32FC1, or CV_32FC3 (blue, green, red), of
   /// the view's size; `ground_defocus` in m.
-  Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground,
+  Renderer(View view, const Aperture& aperture, DefocusOf defocus, const cv::Mat& ground,
            double ground_defocus, const Sensor& sensor, const BodyLook& look, std::uint64_t seed);
   /// The image number `frame` with the robot, or without one (null). Same arguments, same image.
   cv::Mat render(const BodyState* robot, std::uint64_t frame);

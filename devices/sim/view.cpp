@@ -122,6 +122,7 @@ View eye_view(const optics::System& eye, const optics::Microscope& microscope,
   view.origin_in_world = eye_in_world;
   view.lines.reserve(static_cast<std::size_t>(size.width) * size.height);
   std::vector<std::array<double, 4>> weights;
+  weights.reserve(static_cast<std::size_t>(grid_step));
   for (int i = 0; i < grid_step; ++i)
     weights.push_back(cubic_weights(static_cast<double>(i) / grid_step));
   for (int v = 0; v < size.height; ++v) {

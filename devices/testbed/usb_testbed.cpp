@@ -190,7 +190,7 @@ class PluggedUsb final : public Plugged {
         return submit(client, arg);
       case USBDEVFS_REAPURB:
       case USBDEVFS_REAPURBNDELAY:
-        return reap(client, arg);
+        return collect(client, arg);
       case USBDEVFS_DISCARDURB:
         return discard(client, arg);
       case USBDEVFS_CLEAR_HALT: {
@@ -294,7 +294,7 @@ class PluggedUsb final : public Plugged {
   }
 
   /// The oldest finished URB; none blocks the node's output again.
-  gboolean reap(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
+  gboolean collect(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
     if (finished_.empty()) {
       pty_.block_output();
       return done(client, -1, EAGAIN);
@@ -639,7 +639,7 @@ class Umockdev final : public UsbTestbed {
   }
   fs::path file_of(const std::string& node) const {
     gchar* const root = umockdev_testbed_get_root_dir(testbed_);
-    const fs::path path = std::string(root) + node;
+    fs::path path = std::string(root) + node;
     g_free(root);
     return path;
   }

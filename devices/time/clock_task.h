@@ -41,7 +41,7 @@ struct TaskEntry {
 template <class OfClock, class Entry>
 class ClockTask final : public Task {
  public:
-  ClockTask(OfClock& clock, std::string name) : clock_(clock) { entry_.name = std::move(name); }
+  ClockTask(OfClock& clock, const std::string& name) : clock_(clock) { entry_.name = name; }
   ClockTask(const ClockTask&) = delete;
   ClockTask& operator=(const ClockTask&) = delete;
   ~ClockTask() override {

@@ -71,6 +71,7 @@ class GamePad final : public OperatorInput {
                                     [&](const EventAxis& axis) { return axis.name == name; });
     if (found == axes.end()) {
       std::vector<std::string> names;
+      names.reserve(axes.size());
       for (const EventAxis& axis : axes) names.push_back(axis.name);
       fail_missing("axis", name, names);
     }

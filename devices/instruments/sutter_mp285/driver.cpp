@@ -148,7 +148,7 @@ void Mp285::resynchronize() {
 /// In whole um/s, at least 1; of high resolution where that is fast enough. Sent only when it
 /// changes: each command costs a rest and an answer.
 void Mp285::set_velocity(double speed) {
-  const SetVelocity wanted{std::max(1, static_cast<int>(speed / kMicro + 0.5)),
+  const SetVelocity wanted{std::max(1, static_cast<int>(std::lround(speed / kMicro))),
                            speed <= kFinestMax};
   if (wanted.speed == velocity_.speed && wanted.fine == velocity_.fine) return;
   send(wanted);

@@ -103,7 +103,7 @@ std::optional<Message> Chain::answer(int device, int axis, int id, Others& other
       if (error.kind == DeviceErrorKind::protocol) others.unreadable = error.text;
       return std::nullopt;
     }
-    const auto message = decode_message(line);
+    auto message = decode_message(line);
     if (!message || (checksums_ && !message->checked)) {
       others.unreadable = printable(line);
       continue;

@@ -350,7 +350,7 @@ class EmulatedChain final : public Emulator {
 
 }  // namespace
 
-std::unique_ptr<Emulator> make_emulator(std::vector<EmulatedDevice> devices) {
+std::unique_ptr<Emulator> make_emulator(const std::vector<EmulatedDevice>& devices) {
   if (devices.empty()) throw std::invalid_argument("devices: there is none");
   return std::make_unique<EmulatedChain>(devices);
 }

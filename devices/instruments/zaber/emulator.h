@@ -43,6 +43,7 @@ class Emulator : public BytePeer {
 };
 
 /// Throws std::invalid_argument for devices without axes or two of the same address.
-std::unique_ptr<Emulator> make_emulator(std::vector<EmulatedDevice> devices = {EmulatedDevice{}});
+std::unique_ptr<Emulator> make_emulator(const std::vector<EmulatedDevice>& devices = {
+                                            EmulatedDevice{}});
 
 }  // namespace vitreo::zaber
