@@ -12,6 +12,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <mutex>
 #include <stdexcept>
 #include <utility>
 
@@ -264,33 +265,41 @@ struct Laboratory::State {
     return painted_ground(retina_seen, retina(), shift, color_ground());
   }
 
-  cv::Mat draw_top(Time exposed, std::uint64_t number) {
-    const Pose now = pose(exposed);
-    if (!top_renderer || !(now == rendered_pose)) prepare_top(now);
-    if (settings.fundus_drift > 0 && settings.top_view != TopView::plain)
-      top_renderer->set_ground(ground_at(exposed), retina_defocus);
-    return draw(*top_renderer, settings.top, exposed, number);
+  // Gathered now; drawn under a lock of the camera's own, so that neither another picture of it nor
+  // a change of eye or robot comes between.
+  Picture expose_top(Time exposed, std::uint64_t number) {
+    return
+        [this, now = pose(exposed), bodies = bodies_seen(settings.top, exposed), exposed, number] {
+          const std::lock_guard lock(drawing_top);
+          if (!top_renderer || !(now == rendered_pose)) prepare_top(now);
+          if (settings.fundus_drift > 0 && settings.top_view != TopView::plain)
+            top_renderer->set_ground(ground_at(exposed), retina_defocus);
+          return top_renderer->render(bodies, number);
+        };
   }
 
-  cv::Mat draw_side(Time exposed, std::uint64_t number) {
-    if (!side_renderer) {
-      const Aperture aperture{0.02, 550e-9, settings.side_pixel};
-      side_renderer.emplace(
-          side_view(settings.side_pixel, settings.side_center_px, settings.side.size,
-                    settings.side_turn),
-          aperture, [](const Eigen::Vector2d&, double z) { return z; },
-          side_ground(settings.side.size.width, settings.side.size.height), 0, settings.side.sensor,
-          look_of(settings), seed_for(seed, Purpose::side_noise));
-    }
-    return draw(*side_renderer, settings.side, exposed, number);
+  Picture expose_side(Time exposed, std::uint64_t number) {
+    return [this, bodies = bodies_seen(settings.side, exposed), number] {
+      const std::lock_guard lock(drawing_side);
+      if (!side_renderer) prepare_side();
+      return side_renderer->render(bodies, number);
+    };
   }
 
-  /// One picture: bodies at the start and the end of the exposure, the middle of which is
-  /// `exposed`.
+  void prepare_side() {
+    const Aperture aperture{0.02, 550e-9, settings.side_pixel};
+    side_renderer.emplace(
+        side_view(settings.side_pixel, settings.side_center_px, settings.side.size,
+                  settings.side_turn),
+        aperture, [](const Eigen::Vector2d&, double z) { return z; },
+        side_ground(settings.side.size.width, settings.side.size.height), 0, settings.side.sensor,
+        look_of(settings), seed_for(seed, Purpose::side_noise));
+  }
+
+  /// Bodies at the start and the end of the exposure, the middle of which is `exposed`.
   /// Only the robot is smeared: the other bodies are drawn as they are in the middle of the
   /// exposure.
-  cv::Mat draw(Renderer& renderer, const CameraSettings& camera, Time exposed,
-               std::uint64_t number) {
+  std::vector<DrawnBody> bodies_seen(const CameraSettings& camera, Time exposed) {
     const Time half = from_seconds(camera.exposure / 2);
     std::vector<DrawnBody> bodies;
     const auto shifted = [this](BodyState state) {
@@ -305,7 +314,7 @@ struct Laboratory::State {
     const std::vector<BodyState> others = world.bodies(exposed);
     for (std::size_t k = 0; k < others.size(); ++k)
       bodies.push_back({others[k], others[k], look_of(settings.world.bodies[k])});
-    return renderer.render(bodies, number);
+    return bodies;
   }
 
   /// What the amplifiers give: set-points clamped by the injected saturation, none where one is cut
@@ -342,6 +351,7 @@ struct Laboratory::State {
   SimulatedSampleHandler hands;
   SimulatedProbe probe;
   std::optional<Fundus> fundus;
+  std::mutex drawing_top, drawing_side;  // of what follows, and of the settings' eye and robot
   std::optional<Renderer> top_renderer;
   cv::Mat retina_seen;        // retina_points() of its view
   double retina_defocus = 0;  // m
@@ -372,13 +382,13 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
       CameraInfo{"simulated microscope camera", top.size.width, top.size.height, 1 / top.frame_rate,
                  settings.top_image.pixel},
       top, clock, seed_for(seed, Purpose::top_jitter),
-      [&state](Time exposed, std::uint64_t number) { return state.draw_top(exposed, number); },
+      [&state](Time exposed, std::uint64_t number) { return state.expose_top(exposed, number)(); },
       state.faults.looks["top_camera"]);
   state.side = std::make_unique<SimulatedCamera>(
       CameraInfo{"simulated side camera", side.size.width, side.size.height, 1 / side.frame_rate,
                  settings.side_pixel},
       side, clock, seed_for(seed, Purpose::side_jitter),
-      [&state](Time exposed, std::uint64_t number) { return state.draw_side(exposed, number); },
+      [&state](Time exposed, std::uint64_t number) { return state.expose_side(exposed, number)(); },
       state.faults.looks["side_camera"]);
   state.outputs = usb3103::make_emulator(
       sampled_dac(settings.dac_offset, seed),
@@ -466,16 +476,20 @@ void Laboratory::set_eye(const optics::System& eye) {
   eye.check();
   require(lens_groups(eye).has_value(), kNoCondensingLens);
   State& state = *state_;
+  const std::lock_guard lock(state.drawing_top);
   state.settings.eye = eye;
   state.top_renderer.reset();  // made again with the next picture
 }
 
 void Laboratory::change(const control::Robot& robot, const std::optional<control::Gel>& gel) {
   State& state = *state_;
-  state.settings.world.robot = robot;
-  state.settings.world.gel = gel;
-  state.top_renderer.reset();
-  state.side_renderer.reset();
+  {
+    const std::scoped_lock lock(state.drawing_top, state.drawing_side);
+    state.settings.world.robot = robot;
+    state.settings.world.gel = gel;
+    state.top_renderer.reset();
+    state.side_renderer.reset();
+  }
   redraw(state.machine_seed);
 }
 
@@ -493,12 +507,20 @@ void Laboratory::move_body(const std::string& name, const Eigen::Vector3d& posit
   throw std::invalid_argument("body: the rig file has none called '" + name + "'");
 }
 
+Picture Laboratory::expose_top(Time exposed, std::uint64_t number) {
+  return state_->expose_top(exposed, number);
+}
+
+Picture Laboratory::expose_side(Time exposed, std::uint64_t number) {
+  return state_->expose_side(exposed, number);
+}
+
 cv::Mat Laboratory::top_image(Time exposed, std::uint64_t number) {
-  return state_->draw_top(exposed, number);
+  return expose_top(exposed, number)();
 }
 
 cv::Mat Laboratory::side_image(Time exposed, std::uint64_t number) {
-  return state_->draw_side(exposed, number);
+  return expose_side(exposed, number)();
 }
 
 std::optional<Truth> Laboratory::truth(Time time) {

@@ -74,6 +74,9 @@ struct LaboratorySettings {
 /// tuning left included. The World that the laboratory simulates is made of it.
 WorldSettings sampled_world(const LaboratorySettings& settings, std::uint64_t seed);
 
+/// A picture that is exposed and still to be drawn.
+using Picture = std::function<cv::Mat()>;
+
 class Laboratory {
  public:
   /// Everything random comes from `seed`. Throws std::invalid_argument naming a parameter.
@@ -125,11 +128,13 @@ class Laboratory {
   /// Puts one of the settings' bodies elsewhere (m, world). Throws std::invalid_argument naming it,
   /// or when no body has that name.
   void move_body(const std::string& name, const Eigen::Vector3d& position);
-  /// What the top camera would see now, exposed at `exposed` and with the noise of frame `number`;
-  /// asks the clock for the time only, so a camera server may draw from a thread of its own, if it
-  /// is the only one here meanwhile.
+  /// What the top camera would see now, exposed at `exposed` and with the noise of frame `number`,
+  /// to be drawn by the call of what is returned: once, before this object ends, and by any thread,
+  /// beside whatever else is done here. Asks the clock for the time only.
+  Picture expose_top(Time exposed, std::uint64_t number);
+  Picture expose_side(Time exposed, std::uint64_t number);
+  /// The same, drawn at once.
   cv::Mat top_image(Time exposed, std::uint64_t number);
-  /// The same of the side camera.
   cv::Mat side_image(Time exposed, std::uint64_t number);
   /// Nothing while no robot is in the eye. `time` may lie up to a second back.
   std::optional<Truth> truth(Time time);

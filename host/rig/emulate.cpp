@@ -277,10 +277,10 @@ class Emulation::State {
     settings.height_px = camera.size.height;
     const auto view = [this, top](Time exposed, std::uint64_t number) {
       sim::Laboratory& laboratory = world_.laboratory();
-      return top ? laboratory.top_image(exposed, number) : laboratory.side_image(exposed, number);
+      return top ? laboratory.expose_top(exposed, number) : laboratory.expose_side(exposed, number);
     };
     // The first image takes long: a client would take that for silence.
-    world_.with([&] { view(world_.clock().now(), 0); });
+    world_.with([&] { view(world_.clock().now(), 0)(); });
     add(role, make_camera(world_, settings, view));
   }
 

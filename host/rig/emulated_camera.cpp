@@ -47,11 +47,17 @@ class StreamedCamera final : public EmulatedPart {
   }
   void draw(const genicam::Exposure& exposure, cv::Mat& image) {
     touched_ = true;
-    cv::Mat seen;
+    Time exposed{};
+    sim::Picture picture;
+    sim::PictureFaults spoils;
     world_.with([&] {
-      const Time exposed = world_.clock().now() - from_seconds(exposure.age);
-      seen = sim::spoiled(view_(exposed, exposure.number), picture_, exposed);
+      exposed = world_.clock().now() - from_seconds(exposure.age);
+      picture = view_(exposed, exposure.number);
+      spoils = picture_;
     });
+    // A picture takes some 20 ms and on a busy machine ten times as long, a new view of the eye
+    // more: no instrument's answer waits for that.
+    const cv::Mat seen = sim::spoiled(picture(), spoils, exposed);
     cv::resize(seen, image, image.size());  // where the client asked for another size
   }
   /// False for a fault of what it sees.

@@ -11,8 +11,6 @@
 #include "host/rig/emulated_world.h"
 #include "host/rig/fault.h"
 
-#include <opencv2/core/mat.hpp>
-
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -61,8 +59,9 @@ std::unique_ptr<EmulatedPart> make_hid(EmulatedWorld& world, HidPeer& instrument
                                        const UsbIdentity& identity, const HidUsage& usage,
                                        Time frame);
 
-/// What a camera sees, exposed at a time, as its image of that number; in EmulatedWorld::with().
-using CameraView = std::function<cv::Mat(Time exposed, std::uint64_t number)>;
+/// What a camera sees, exposed at a time, as its image of that number, in EmulatedWorld::with(); it
+/// is drawn outside of that.
+using CameraView = std::function<sim::Picture(Time exposed, std::uint64_t number)>;
 /// Throws DeviceError{refused} where the interface is not to be had.
 std::unique_ptr<EmulatedPart> make_camera(EmulatedWorld& world,
                                           const genicam::ServerSettings& settings, CameraView view);

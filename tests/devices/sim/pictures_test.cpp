@@ -12,6 +12,7 @@
 #include <array>
 #include <cmath>
 #include <random>
+#include <thread>
 
 namespace vitreo::sim {
 namespace VITREO_TEST_FILE {
@@ -334,6 +335,24 @@ TEST(SimulatedCamera, KeepsTheContractOfACamera) {
   Laboratory laboratory(small(), *clock, 1);
   for (Camera* const camera : {&laboratory.top_camera(), &laboratory.side_camera()})
     EXPECT_EQ(contract::check(*camera, *clock), std::vector<std::string>{});
+}
+
+TEST(SimulatedCamera, DrawsWhatWasExposedWhateverHappensUntilItIsDrawn) {
+  const auto clock = virtual_clock();
+  Laboratory laboratory(small(), *clock, 1), same(small(), *clock, 1);
+  for (Laboratory* const one : {&laboratory, &same}) one->sample().insert_robot({0, 0, 0});
+  clock->sleep_for(300 * kMs);
+  const Picture top = laboratory.expose_top(200 * kMs, 1);
+  const Picture side = laboratory.expose_side(200 * kMs, 1);
+  const cv::Mat seen_by_top = same.top_image(200 * kMs, 1),
+                seen_by_side = same.side_image(200 * kMs, 1);
+  laboratory.sample().remove_robot();
+  laboratory.set_light(0.5);
+  cv::Mat drawn;
+  std::thread([&] { drawn = top(); }).join();
+  EXPECT_EQ(cv::norm(drawn, seen_by_top), 0);
+  EXPECT_EQ(cv::norm(side(), seen_by_side), 0);
+  EXPECT_GT(cv::norm(laboratory.top_image(200 * kMs, 1), seen_by_top), 0) << "in half the light";
 }
 
 TEST(Lamp, ThePictureIsAsBrightAsTheLight) {

@@ -82,36 +82,56 @@ struct Undisturbed {
   Time worst{};
 };
 
+/// Whether a task that is alone for 400 ms by `compute` leaves a loop its turns, in time. Held up,
+/// the loop would be late by most of the 400 ms in every attempt; a machine that holds up one
+/// thread and not the one by which its lateness is measured does so now and then.
+template <class Compute>
+bool leaves_others_their_turns(const Compute& compute) {
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    const auto clock = wall_clock();
+    const Undisturbed usual(clock, 400ms);
+    const MachineLateness machine;
+    TickingLoop loop(*clock);
+    clock->sleep_for(10ms);
+    const auto begun = Steady::now();
+    compute(*clock);
+    const bool in_time = loop.worst < 10ms + 4 * std::max(machine.worst(), usual.worst);
+    const auto wanted = usual.turns / 3 * ((Steady::now() - begun) / 400ms);
+    if (in_time && loop.turns > wanted) return true;
+  }
+  return false;
+}
+
 TEST(TaskAlone, OfTheWallClockHoldsUpNoOther) {
+  EXPECT_TRUE(leaves_others_their_turns([](Clock& clock) {
+    turn_sharing(clock)->begin_alone();
+    compute_for(400ms);
+    EXPECT_GE(turn_sharing(clock)->alone_for(), 400ms);
+    turn_sharing(clock)->end_alone();
+    EXPECT_EQ(turn_sharing(clock)->alone_for(), 0ms);
+  }));
+}
+
+TEST(TaskAlone, OfTheWallClockLeavesTheClockMoving) {
   const auto clock = wall_clock();
-  const Undisturbed usual(clock, 400ms);
   const MachineLateness machine;
   TickingLoop loop(*clock);
   clock->sleep_for(10ms);
   turn_sharing(*clock)->begin_alone();
   compute_for(400ms);
-  EXPECT_GE(turn_sharing(*clock)->alone_for(), 400ms);
   EXPECT_LT(clock->stuck_for(), 50ms + 2 * machine.worst());
   turn_sharing(*clock)->end_alone();
-  EXPECT_EQ(turn_sharing(*clock)->alone_for(), 0ms);
-  EXPECT_LT(loop.worst, 10ms + 4 * std::max(machine.worst(), usual.worst));
-  EXPECT_GT(loop.turns, usual.turns / 3);
 }
 
 // Asked in a tight loop: who is last in line leaves a loop its turns.
 TEST(TaskAlone, ThatComesForItsTurnAgainAndAgainLeavesTheOthersTheirs) {
-  const auto clock = wall_clock();
-  const Undisturbed usual(clock, 400ms);
-  const MachineLateness machine;
-  TickingLoop loop(*clock);
-  clock->sleep_for(10ms);
-  for (const auto until = Steady::now() + 400ms; Steady::now() < until;) {
-    turn_sharing(*clock)->begin_alone();
-    turn_sharing(*clock)->end_alone();
-    compute_for(100us);  // the host's own code, with the turn in hand
-  }
-  EXPECT_LT(loop.worst, 10ms + 4 * std::max(machine.worst(), usual.worst));
-  EXPECT_GT(loop.turns, usual.turns / 3);
+  EXPECT_TRUE(leaves_others_their_turns([](Clock& clock) {
+    for (const auto until = Steady::now() + 400ms; Steady::now() < until;) {
+      turn_sharing(clock)->begin_alone();
+      turn_sharing(clock)->end_alone();
+      compute_for(100us);  // the host's own code, with the turn in hand
+    }
+  }));
 }
 
 TEST(TaskAlone, OfASimulationInRealTimeMayCallAgainAndAgainAsWell) {
