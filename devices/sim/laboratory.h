@@ -74,9 +74,6 @@ struct LaboratorySettings {
 /// tuning left included. The World that the laboratory simulates is made of it.
 WorldSettings sampled_world(const LaboratorySettings& settings, std::uint64_t seed);
 
-/// A picture that is exposed and still to be drawn.
-using Picture = std::function<cv::Mat()>;
-
 class Laboratory {
  public:
   /// Everything random comes from `seed`. Throws std::invalid_argument naming a parameter.
@@ -125,12 +122,10 @@ class Laboratory {
   /// Another robot, and another medium, from now on, in the machine of the last seed; without a
   /// robot in it. `gel`: nothing for the fluid.
   void change(const control::Robot& robot, const std::optional<control::Gel>& gel);
-  /// Puts one of the settings' bodies elsewhere (m, world). Throws std::invalid_argument naming it,
-  /// or when no body has that name.
+  /// Puts a body of the settings elsewhere (m, world). Throws std::invalid_argument naming it.
   void move_body(const std::string& name, const Eigen::Vector3d& position);
-  /// What the top camera would see now, exposed at `exposed` and with the noise of frame `number`,
-  /// to be drawn by the call of what is returned: once, before this object ends, and by any thread,
-  /// beside whatever else is done here. Asks the clock for the time only.
+  /// What the top camera sees, with the noise of frame `number`. Drawn by the call of what is
+  /// returned: once, before this object ends, by any thread, beside whatever else is done here.
   Picture expose_top(Time exposed, std::uint64_t number);
   Picture expose_side(Time exposed, std::uint64_t number);
   /// The same, drawn at once.

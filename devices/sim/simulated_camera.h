@@ -25,6 +25,9 @@ struct CameraSettings {
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 
+/// A picture that is exposed and still to be drawn.
+using Picture = std::function<cv::Mat()>;
+
 class SimulatedCamera : public Camera {
  public:
   using Draw = std::function<cv::Mat(Time exposed, std::uint64_t number)>;
