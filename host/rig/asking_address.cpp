@@ -154,7 +154,8 @@ std::string lasting_name(const std::string& node, const fs::path& links) {
   const fs::path wanted = node_of(node);
   std::vector<std::string> names;
   for (const auto& link : fs::directory_iterator(links, error))
-    if (node_of(link.path()) == wanted) names.push_back(link.path().string());
+    if (is_lasting_link(link.path().filename().string()) && node_of(link.path()) == wanted)
+      names.push_back(link.path().string());
   return names.empty() ? "" : *std::min_element(names.begin(), names.end());
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/kernel/guest.h"
 
+#include "devices/links/serial_ports.h"
 #include "tests/host/safety/held_protocol.h"
 
 #include <algorithm>
@@ -335,7 +336,8 @@ std::string adapter_node(const std::string& serial) {
   time_until(20s, [&] {
     std::error_code error;
     for (const auto& port : fs::directory_iterator("/dev/serial/by-id", error))
-      if (port.path().filename().string().find("_" + serial + "-") != std::string::npos)
+      if (const std::string name = port.path().filename();
+          name.find("_" + serial + "-") != std::string::npos && is_lasting_link(name))
         found = port.path();
     return !found.empty() && fs::exists(found);
   });

@@ -1,5 +1,6 @@
 // Debian's udev with the project's rules: groups, modes, names and properties of the nodes.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/links/serial_ports.h"
 #include "tests/kernel/guest.h"
 
 #include <gtest/gtest.h>
@@ -74,7 +75,7 @@ TEST_F(UdevGuest, KeepsModemManagerFromSerialAdaptersAndGivesThemALastingName) {
   EXPECT_EQ(power("0403"), "on\n");
   std::string name;
   for (const auto& entry : fs::directory_iterator("/dev/serial/by-id"))
-    name = entry.path().string();
+    if (is_lasting_link(entry.path().filename().string())) name = entry.path().string();
   ASSERT_FALSE(name.empty());
   EXPECT_EQ(fs::canonical(name), "/dev/ttyACM0");
   write_text(

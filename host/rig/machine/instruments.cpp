@@ -1,5 +1,6 @@
 // Check of a rig's instruments: whether what each address names is there.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/links/serial_ports.h"
 #include "host/rig/machine/checks.h"
 
 #include <fmt/format.h>
@@ -46,7 +47,8 @@ Finding check_usb(const Scene& scene, const Need& need) {
 std::string lasting_name(const Machine& machine, const std::string& node) {
   const std::string folder = "/dev/serial/by-id";
   for (const std::string& name : machine.list(folder).value_or(std::vector<std::string>{}))
-    if (machine.real(folder + "/" + name) == node) return folder + "/" + name;
+    if (is_lasting_link(name) && machine.real(folder + "/" + name) == node)
+      return folder + "/" + name;
   return "";
 }
 

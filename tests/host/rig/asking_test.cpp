@@ -383,6 +383,9 @@ TEST(Identification, APortHasItsAdaptersNameToo) {
   std::ofstream(file("ttyUSB1")) << "";
   std::filesystem::create_directory(file("by-id"));
   std::filesystem::create_symlink("../ttyUSB1", file("by-id/usb-FTDI_FT232R_A1-if00-port0"));
+  // As udev makes it, before the rename.
+  std::filesystem::create_symlink("../ttyUSB1",
+                                  file("by-id/.#usb-FTDI_FT232R_A1-if00-port092fe7b42f3e173c0"));
   EXPECT_EQ(lasting_name(file("ttyUSB1"), file("by-id")),
             file("by-id/usb-FTDI_FT232R_A1-if00-port0"));
   EXPECT_EQ(lasting_name(file("ttyUSB0"), file("by-id")), "");

@@ -151,6 +151,8 @@ std::vector<Spoiled> instruments() {
          m.plug({"1-6", "0403", "6001", "B1", "FTDI", "FT232R USB UART"});
          m.give_node("1-6", "tty", "ttyUSB1", "188:1");
          m.link("/dev/serial/by-id/usb-FTDI_A50285BI-if00", "../../ttyUSB0");
+         // As udev makes it, before the rename.
+         m.link("/dev/serial/by-id/.#usb-FTDI_A50285BI-if0092fe7b42f3e173c0", "../../ttyUSB0");
        },
        "instruments", State::warning, "serial:/dev/serial/by-id/usb-FTDI_A50285BI-if00", ""},
   };
