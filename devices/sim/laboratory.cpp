@@ -193,30 +193,34 @@ struct Laboratory::State {
   }
 
   /// Pose of the imaging parts: condensing lens (of now), microscope or bare sensor (of the
-  /// exposure); and the light.
+  /// exposure).
   struct Pose {
     double lens = 0;
     double sensor = 0;
     double turn = 0;
-    double light = 1;
     bool operator==(const Pose&) const = default;
   };
   double lens_position() const { return lens->motor_usteps() * ustep(settings.lens); }
   Pose pose(Time time) const {
-    if (settings.top_view == TopView::plain) return {0, 0, 0, light};
+    if (settings.top_view == TopView::plain) return {};
     const bool turns = settings.top_view == TopView::bare_sensor && sensor_angle;
     return {lens_position(), sensor_position ? sensor_position(time) : 0,
-            turns ? sensor_angle(time) : 0, light};
+            turns ? sensor_angle(time) : 0};
+  }
+
+  double top_brightness(double lit) const {
+    return settings.top.sensor.brightness * std::max(lit, kDarkest);
   }
 
   /// Makes the top camera's renderer for a pose. Tracing the view takes most of the time of a
   /// picture, so it is done again only when the pose has changed.
-  void prepare_top(const Pose& now) {
+  void prepare_top(const Pose& now, double lit) {
     const std::uint64_t noise = seed_for(seed, Purpose::top_noise);
     const BodyLook robot = look_of(settings);
     rendered_pose = now;
+    rendered_light = lit;
     Sensor sensor = settings.top.sensor;
-    sensor.brightness *= std::max(now.light, kDarkest);
+    sensor.brightness = top_brightness(lit);
     const ImageSize& size = settings.top.size;
     const optics::ImageScale& image = settings.top_image;
     if (settings.top_view == TopView::plain) {
@@ -269,9 +273,14 @@ struct Laboratory::State {
   // a change of eye or robot comes between.
   Picture expose_top(Time exposed, std::uint64_t number) {
     return
-        [this, now = pose(exposed), bodies = bodies_seen(settings.top, exposed), exposed, number] {
+        [this, now = pose(exposed), lit = light, bodies = bodies_seen(settings.top, exposed),
+         exposed, number] {
           const std::lock_guard lock(drawing_top);
-          if (!top_renderer || !(now == rendered_pose)) prepare_top(now);
+          if (!top_renderer || !(now == rendered_pose)) prepare_top(now, lit);
+          if (lit != rendered_light) {
+            top_renderer->set_brightness(top_brightness(lit));
+            rendered_light = lit;
+          }
           if (settings.fundus_drift > 0 && settings.top_view != TopView::plain)
             top_renderer->set_ground(ground_at(exposed), retina_defocus);
           return top_renderer->render(bodies, number);
@@ -357,6 +366,7 @@ struct Laboratory::State {
   double retina_defocus = 0;  // m
   std::optional<Renderer> side_renderer;
   Pose rendered_pose;
+  double rendered_light = 1;
   std::unique_ptr<SimulatedCamera> top;
   std::unique_ptr<SimulatedCamera> side;
   std::unique_ptr<usb3103::Emulator> outputs;

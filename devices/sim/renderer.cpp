@@ -125,22 +125,33 @@ void Renderer::prepare_noise() {
     sample = static_cast<std::int16_t>(std::lround(std::clamp(normal(random), -6.0, 6.0) * 1024));
 }
 
-// The empty scene: blurred, vignetted and tinted, in units of 1/256 gray level.
 void Renderer::set_ground(const cv::Mat& ground, double ground_defocus) {
   require(ground.cols == view_.width && ground.rows == view_.height && ground.depth() == CV_32F &&
               (ground.channels() == 1 || ground.channels() == 3),
           "ground: an image of one or three floats a pixel, of the view's size, is wanted");
-  std::vector<cv::Mat> channels;
-  cv::split(ground, channels);
-  for (cv::Mat& one : channels) blur_.apply(one, ground_defocus);
+  cv::split(ground, reflected_);
+  for (cv::Mat& one : reflected_) blur_.apply(one, ground_defocus);
+  light_ground();
+}
+
+void Renderer::set_brightness(double brightness) {
+  Sensor changed = sensor_;
+  changed.brightness = brightness;
+  changed.check();
+  sensor_ = changed;
+  light_ground();
+}
+
+// The empty scene: vignetted and tinted, in units of 1/256 gray level.
+void Renderer::light_ground() {
   ground_.create(view_.height, view_.width, CV_16U);
   ground_sigma_.create(view_.height, view_.width, CV_16U);
   for (int v = 0; v < view_.height; ++v) {
     for (int u = 0; u < view_.width; ++u) {
-      const bool gray = channels.size() == 1;
+      const bool gray = reflected_.size() == 1;
       std::array<double, 3> color = sensor_.ground_tint;  // red, green, blue
-      for (std::size_t c = 0; c < 3 && !gray; ++c) color[c] *= channels[2 - c].at<float>(v, u);
-      const double reflected = gray ? channels[0].at<float>(v, u) : 1;
+      for (std::size_t c = 0; c < 3 && !gray; ++c) color[c] *= reflected_[2 - c].at<float>(v, u);
+      const double reflected = gray ? reflected_[0].at<float>(v, u) : 1;
       const double level =
           sensor_.brightness * reflected * vignette_.at<float>(v, u) * factor(color, u, v);
       const auto mean = static_cast<std::uint16_t>(std::clamp(level * 256, 0.0, 65280.0));

@@ -56,6 +56,8 @@ class Renderer {
   cv::Mat render(const std::vector<DrawnBody>& bodies, std::uint64_t frame);
   /// Another empty scene from the next image on, for a ground that moves.
   void set_ground(const cv::Mat& ground, double ground_defocus);
+  /// Another light from the next image on: `Sensor::brightness`. The view stays as it was traced.
+  void set_brightness(double brightness);
   const View& view() const { return view_; }
 
  private:
@@ -73,6 +75,7 @@ class Renderer {
                const cv::Rect& window);
   double factor(const std::array<double, 3>& color, int u, int v) const;
   void prepare_noise();
+  void light_ground();
   void restore_ground();
   cv::Mat add_noise(std::uint64_t frame) const;
 
@@ -83,6 +86,7 @@ class Renderer {
   BodyLook look_;
   std::uint64_t seed_;
   cv::Mat vignette_;                           // CV_32F, 1 in the middle
+  std::vector<cv::Mat> reflected_;             // CV_32F: the ground's channels, blurred
   cv::Mat ground_;                             // CV_16U: mean gray level * 256, without bodies
   cv::Mat scene_;                              // CV_16U: mean gray level * 256, with bodies
   cv::Mat ground_sigma_;                       // CV_16U: noise * 256

@@ -38,6 +38,7 @@ void Watchdog::watch() {
     if (done_) return;
     check_pace();
     check_ending();
+    check_between();
   }
 }
 
@@ -90,6 +91,16 @@ void Watchdog::check_ending() {
   if ((*aborting > patience && !control_.safe()) || *aborting > limits_.grace) take_over();
 }
 
+/// What is asked between two statements of the prompt is answered there; here where nobody comes.
+void Watchdog::check_between() {
+  if (control_.between().since().value_or(Time(0)) <= limits_.safe) return;
+  clock_.break_in(std::chrono::milliseconds(5));
+  inside_ = true;
+  control_.make_safe_between();
+  inside_ = false;
+  clock_.leave();
+}
+
 /// Reports a change of the state of a stop that takes its time, at most once an interval.
 void Watchdog::report() {
   const auto now = std::chrono::steady_clock::now();
@@ -112,7 +123,10 @@ void Watchdog::take_over() {
   inside_ = true;
   control_.make_safe();
   while (!done_) {
-    if (control_.since(StopTier::abort).value_or(limits_.grace) >= limits_.grace) {
+    const auto aborting = control_.since(StopTier::abort);
+    // At the prompt: the statement has come to its end.
+    if (!aborting) break;
+    if (*aborting >= limits_.grace) {
       control_.set_phase(RunPhase::not_responding);
       actions_.give_up();
       break;

@@ -56,6 +56,7 @@ class Watchdog {
  private:
   void watch();
   void check_ending();
+  void check_between();
   void take_over();
   void check_pace();
   void report();

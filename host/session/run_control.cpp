@@ -117,8 +117,15 @@ StopTier RunControl::next(StopTier tier) noexcept {
 }
 
 void RunControl::request(StopTier tier) noexcept {
-  // At the prompt, between two statements, there is nothing to stop.
-  if (idle_ || tier == StopTier::none || tier < tier_) return;
+  if (tier == StopTier::none) return;
+  if (idle_) {
+    // No script is there to be interrupted: the prompt looks every 20 ms, the watchdog is woken.
+    between_.ask(tier);
+    ++changes_;
+    sem_post(&request_);
+    return;
+  }
+  if (tier < tier_) return;
   // A higher tier includes the lower ones; the first request of each starts its deadline.
   for (int i = 1; i <= static_cast<int>(tier); ++i) {
     std::int64_t never = 0;
@@ -139,6 +146,10 @@ void RunControl::request(StopTier tier) noexcept {
 }
 
 void RunControl::request(StopTier tier, const std::string& reason, const EndCause& cause) {
+  if (idle_) {
+    between_.ask(tier, reason, cause);
+    return request(tier);  // wakes who answers
+  }
   // Not atomic with the request; of two at once either reason is a true one.
   if (tier > tier_) {
     set_reason(reason);
@@ -150,12 +161,16 @@ void RunControl::request(StopTier tier, const std::string& reason, const EndCaus
 }
 
 void RunControl::request_by_signal(int number, pid_t sender, StopTier tier) noexcept {
-  // Between two statements of the prompt nothing is asked.
-  if (!idle_ && signal_ == 0) {
+  // What the statement before was ended by stays.
+  if (idle_) {
+    between_.ask(tier, number);
+    return request(tier);
+  }
+  if (signal_ == 0) {
     if (sender > 0) name_of_process(sender, sender_);
     signal_ = number;
   }
-  if (!idle_ && tier > tier_) signal_is_stronger_ = true;
+  if (tier > tier_) signal_is_stronger_ = true;
   request(tier);
 }
 
@@ -267,8 +282,8 @@ void RunControl::set_progress(double fraction, const std::string& doing) {
 RunStatus RunControl::status() const {
   const std::lock_guard lock(mutex_);
   RunStatus status = status_;
-  status.tier = tier_;
-  const bool not_felt_yet = status.phase == RunPhase::running ||
+  status.tier = std::max(tier(), between_.tier());
+  const bool not_felt_yet = status.phase == RunPhase::running || status.phase == RunPhase::ready ||
                             status.phase == RunPhase::pause_requested ||
                             status.phase == RunPhase::paused || status.phase == RunPhase::suspended;
   if (status.tier != StopTier::none && not_felt_yet) {
@@ -300,25 +315,58 @@ std::vector<std::string> RunControl::failures() const {
   return failures_;
 }
 
-/// Busy: a new statement, with a stop, a reason and a safe state of its own.
 void RunControl::set_idle(bool idle) {
-  if (!idle) {
-    std::string note;
-    tier_ = StopTier::none;
-    for (auto& time : requested_at_) time = 0;
-    safe_ = false;
-    felt_ = false;
-    set_reason("");
-    signal_ = 0;
-    signal_is_stronger_ = false;
-    {
-      const std::lock_guard lock(mutex_);
-      cause_ = {};
-      if (pause_) note = pause_note();
-    }
-    set_phase(pause_ ? RunPhase::pause_requested : RunPhase::running, note);
+  // First: a request from here on is of what goes on between two statements.
+  if (idle) idle_ = true;
+  // The deadlines of a stop are over with its statement.
+  tier_ = StopTier::none;
+  for (auto& time : requested_at_) time = 0;
+  if (idle) {
+    const std::lock_guard lock(mutex_);
+    status_ = {};
+    status_.phase = RunPhase::ready;
+    ++changes_;
+    return;
   }
-  idle_ = idle;
+  // A new statement, with a stop, a reason and a safe state of its own.
+  safe_ = false;
+  felt_ = false;
+  signal_is_stronger_ = false;
+  // Asked in the last moment, and not answered: it ends this statement before it begins.
+  const StopBetween::Asked asked = between_.take();
+  std::string note;
+  {
+    const std::lock_guard lock(mutex_);
+    reason_ = asked.reason;
+    cause_ = asked.cause;
+    signal_ = asked.signal;
+    if (pause_) note = pause_note();
+  }
+  set_phase(pause_ ? RunPhase::pause_requested : RunPhase::running, note);
+  idle_ = false;
+  // With what came since; what comes still later, by a thread that has just seen `idle_`, the
+  // watchdog answers.
+  request(std::max(asked.tier, between_.take().tier));
+}
+
+void RunControl::make_safe_between() {
+  const StopBetween::Asked asked = between_.take();
+  if (asked.tier == StopTier::none) return;
+  AnsweredStop answered{asked.reason, asked.cause, {}};
+  if (hooks_.make_safe) answered.failures = hooks_.make_safe();
+  if (answered.reason.empty()) {
+    answered.cause = asked.signal == 0 ? EndCause{"person"} : cause_of_signal(asked.signal, "");
+    answered.reason = reason_of(answered.cause);
+  }
+  const std::lock_guard lock(mutex_);
+  failures_.insert(failures_.end(), answered.failures.begin(), answered.failures.end());
+  answered_ = answered;
+  ++changes_;
+}
+
+std::optional<AnsweredStop> RunControl::take_answered() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(answered_, {});
 }
 
 void RunControl::wait_for_request(std::chrono::milliseconds patience) {

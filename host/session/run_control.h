@@ -3,9 +3,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "host/record/run_data.h"
 #include "host/session/remaining_time.h"
-#include "host/session/run_status.h"
+#include "host/session/stop_between.h"
 
 #include <array>
 #include <atomic>
@@ -95,14 +94,19 @@ class RunControl {
   bool safe() const noexcept { return safe_.load(); }
   std::vector<std::string> failures() const;
 
-  /// For the prompt: between two statements there is nothing to stop. Becoming busy forgets what
-  /// was asked before; a pause is of the next statement.
+  /// For the prompt: between two statements a request is of what they have left running. Idle, the
+  /// end that was asked of the last one is over; busy, so is why, and a request that nobody has
+  /// answered is of this one, as a pause is.
   void set_idle(bool idle);
+  const StopBetween& between() const { return between_; }
+  /// Answers what is asked there with the devices' safe state; threads as of make_safe().
+  void make_safe_between();
+  std::optional<AnsweredStop> take_answered();  // once
 
   /// For the watchdog: waits up to `patience` for a request.
   void wait_for_request(std::chrono::milliseconds patience);
   void wake_watchdog() noexcept { sem_post(&request_); }
-  /// Since the first request of at least that tier; nothing when there was none.
+  /// Since the first request of at least that tier of this statement; nothing when there was none.
   std::optional<std::chrono::steady_clock::duration> since(StopTier tier) const;
 
  private:
@@ -112,7 +116,6 @@ class RunControl {
   ScriptHooks hooks_;
   const pthread_t script_;
   std::atomic<StopTier> tier_{StopTier::none};
-  static_assert(std::atomic<StopTier>::is_always_lock_free);
   /// ns of the steady clock, by tier; 0: never.
   std::array<std::atomic<std::int64_t>, 4> requested_at_{};
   std::atomic<bool> safe_{false};
@@ -126,14 +129,15 @@ class RunControl {
   std::atomic<int> signal_{0};
   std::atomic<bool> signal_is_stronger_{false};  // than the request whose reason is known
   std::array<char, 16> sender_{};
+  StopBetween between_;
   sem_t request_;
   mutable std::mutex mutex_;  // of what follows; never taken in a signal handler
   RunStatus status_;
   std::string pause_at_;
   std::string reason_;
   EndCause cause_;
-  std::string location_;
-  std::string override_by_;
+  std::optional<AnsweredStop> answered_;
+  std::string location_, override_by_;
   RemainingTime remaining_;
   std::vector<std::string> failures_;
 };

@@ -33,6 +33,8 @@ const char* to_string(RunPhase phase) {
       return "stopping";
     case RunPhase::not_responding:
       return "not responding";
+    case RunPhase::ready:
+      return "ready";
     case RunPhase::ended:
       return "ended";
   }

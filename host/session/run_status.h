@@ -19,6 +19,7 @@ enum class RunPhase {
   stop_requested,
   stopping,
   not_responding,
+  ready,  // of the prompt, between two statements: what it has left running goes on
   ended
 };
 const char* to_string(RunPhase phase);  // "stop requested", ...

@@ -19,12 +19,13 @@ class StreamLines final : public LineEditor {
       : in_(in), out_(out), interactive_(interactive) {}
 
   Read read(const std::string& prompt, std::string& line,
-            const std::function<void()>& idle) override {
+            const std::function<bool()>& idle) override {
     if (interactive_) {
       out_ << prompt << std::flush;
       pollfd input{STDIN_FILENO, POLLIN, 0};
       // What the stream has buffered already is not seen by poll().
-      while (idle && in_.rdbuf()->in_avail() <= 0 && poll(&input, 1, 0) == 0) idle();
+      while (idle && in_.rdbuf()->in_avail() <= 0 && poll(&input, 1, 0) == 0)
+        if (!idle()) return Read::end;
     }
     return std::getline(in_, line) ? Read::line : Read::end;
   }

@@ -15,7 +15,7 @@ namespace vitreo {
 
 class LineEditor {
  public:
-  /// canceled: Ctrl-C took back what was being typed.
+  /// canceled: Ctrl-C took back what was being typed, which `line` is then.
   enum class Read { line, canceled, end };
   /// Candidates for the word that ends at `cursor`; each replaces the word from its
   /// first letter on. A word reaches back to a blank, a quote, a bracket or an operator; dots and
@@ -25,9 +25,9 @@ class LineEditor {
 
   virtual ~LineEditor() = default;
   /// Waits for a line, without its end. `idle` is called again and again meanwhile; it returns
-  /// within some 20 ms.
+  /// within some 20 ms, and false where no more lines are wanted: the end.
   virtual Read read(const std::string& prompt, std::string& line,
-                    const std::function<void()>& idle) = 0;
+                    const std::function<bool()>& idle) = 0;
   /// Puts a whole statement, of one line or several, into the history.
   virtual void remember(const std::string& statement) = 0;
   virtual void set_completion(Complete complete) = 0;

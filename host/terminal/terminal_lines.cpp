@@ -73,7 +73,7 @@ class TerminalLines final : public LineEditor {
   }
 
   Read read(const std::string& prompt, std::string& line,
-            const std::function<void()>& idle) override {
+            const std::function<bool()>& idle) override {
     done_ = false;
     // readline's callback interface: characters are handed over one by one, and the host's own work
     // goes on in between.
@@ -86,8 +86,8 @@ class TerminalLines final : public LineEditor {
       // lines from other threads appear in time.
       if (poll(&input, 1, idle ? 0 : 20) > 0)
         rl_callback_read_char();
-      else if (idle)
-        idle();
+      else if (idle && !idle())
+        leave();
     }
     set_reading(false);
     line = std::move(line_);
@@ -160,13 +160,15 @@ class TerminalLines final : public LineEditor {
     done_ = true;
   }
 
+  void leave() {
+    std::cout << std::endl;
+    finish(Read::end);
+  }
+
   /// readline's callback for a line that is complete; null at the end of the input (Ctrl-D).
   static void take_line(char* typed) {
     TerminalLines& self = *the_editor;
-    if (typed == nullptr) {
-      std::cout << std::endl;
-      return self.finish(Read::end);
-    }
+    if (typed == nullptr) return self.leave();
     self.line_ = typed;
     std::free(typed);  // readline's
     self.finish(Read::line);
@@ -175,6 +177,7 @@ class TerminalLines final : public LineEditor {
   // Leaves the read() by `result_`; what was typed is gone, as in a shell.
   static int cancel(int, int) {
     std::cout << "^C" << std::endl;
+    the_editor->line_ = rl_line_buffer;
     rl_replace_line("", 0);
     the_editor->finish(Read::canceled);
     return 0;

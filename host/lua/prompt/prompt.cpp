@@ -12,11 +12,13 @@
 #include "host/lua/script/running.h"
 #include "host/runs/results_text.h"
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cctype>
 #include <ostream>
+#include <thread>
 #include <vector>
 
 namespace vitreo::lua {
@@ -40,6 +42,9 @@ class Prompt {
   std::string source() const;
   void execute();
   void end_nested();
+  void make_safe_after_stop(std::size_t failed_before);
+  bool answer_stop();
+  bool tell_stop();
   std::vector<StatedResult> stated_results();
   void show_results(int count);
   void greet();
@@ -57,7 +62,19 @@ class Prompt {
   int line_ = 0, chunk_line_ = 1;   // the newest of them; the chunk's first
   std::size_t read_ = 0;            // bytes that were compiled for this chunk
   PromptEnd end_;
+  bool leaves_ = false;  // whatever is typed: a signal wants the session's end
 };
+
+/// Who sends these wants the process gone: a service manager, a terminal that is closed.
+bool wants_the_end(const EndCause& cause) {
+  return cause.signal == "SIGTERM" || cause.signal == "SIGHUP";
+}
+
+/// What may be said of the devices after their safe state was asked for.
+std::string rest_text(const std::vector<std::string>& failures) {
+  return failures.empty() ? "the devices are safe"
+                          : fmt::format("not safe: {}", fmt::join(failures, "; "));
+}
 
 /// Lines are counted from the session's beginning, so that a function that was typed long ago can
 /// be named.
@@ -143,23 +160,60 @@ void Prompt::end_nested() {
   out_ << results_text(stated_results());
 }
 
+/// A stop of the statement is one of what the session has left running too (a loop that holds),
+/// unless the person at this terminal, or the script, has meant the statement: Ctrl-C.
+void Prompt::make_safe_after_stop(std::size_t failed_before) {
+  RunControl& control = script_.context().session->control;
+  const EndCause cause = control.cause();
+  leaves_ = wants_the_end(cause);
+  if (control.tier() == StopTier::stop && (cause.by == "script" || cause.signal == "SIGINT")) {
+    out_ << "stopped\n";
+    return;
+  }
+  const StopShield shield(script_.context().session->clock);
+  control.make_safe();  // once: after an abort it was before the clean-up
+  std::vector<std::string> failures = control.failures();
+  failures.erase(failures.begin(), failures.begin() + static_cast<std::ptrdiff_t>(failed_before));
+  out_ << (control.tier() == StopTier::stop ? "stopped " + control.reason() : "aborted") << "; "
+       << rest_text(failures) << "\n";
+}
+
+/// A stop that comes while no statement runs. False where it is to end the session.
+bool Prompt::answer_stop() {
+  script_.context().session->control.make_safe_between();
+  return tell_stop();
+}
+
+bool Prompt::tell_stop() {
+  Session& session = *script_.context().session;
+  const auto stop = session.control.take_answered();
+  if (!stop) return true;
+  const std::string text = "stopped " + stop->reason + "; " + rest_text(stop->failures);
+  session.recorder.event(session.clock.now(), "stop", "between two statements: " + text);
+  session.listener.message(text);
+  return !wants_the_end(stop->cause);
+}
+
 /// Runs the function on the stack. Whatever ends it, the session goes on: what the statement left
 /// behind (laps, a trace, an interrupt that came late) is forgotten before the next one.
 void Prompt::execute() {
   Context& context = script_.context();
   RunControl& control = context.session->control;
   context.last_result = {};
+  bool stopped = false;
+  const std::size_t failed_before = control.failures().size();
   control.set_idle(false);
   try {
     show_results(script_.scheduler().run(0));
   } catch (const Stopped&) {
-    out_ << (control.tier() >= StopTier::abort ? "aborted; the devices are safe\n" : "stopped\n");
+    stopped = true;
   } catch (const ScriptError& error) {
     refuse(error.what(), error.trace());
   } catch (const std::exception& error) {
     refuse(error.what());
   }
   end_nested();
+  if (stopped) make_safe_after_stop(failed_before);
   control.set_idle(true);
   script_.context().waits_end = kForever;
   context.interrupted = false;
@@ -264,15 +318,29 @@ bool Prompt::leaves(const std::string& line) const {
   return !own;
 }
 
-/// While somebody thinks, the loop goes on holding the robot.
+/// While somebody thinks, the loop goes on holding the robot, and a stop is felt.
 bool Prompt::read_line(std::string& line) {
   Session& session = *script_.context().session;
-  std::function<void()> idle;
-  if (session.real_time)
-    idle = [&session] { session.clock.sleep_for(std::chrono::milliseconds(20)); };
+  const auto idle = [this, &session] {
+    constexpr std::chrono::milliseconds kTurn(20);
+    // On the virtual clock the world stands still meanwhile.
+    if (session.real_time)
+      session.clock.sleep_for(kTurn);
+    else
+      std::this_thread::sleep_for(kTurn);
+    return answer_stop();
+  };
   for (;;) {
     const LineEditor::Read read = in_.read(chunk_.empty() ? "> " : ">> ", line, idle);
+    // Answered by the watchdog while a pipe was waited for. One that came with the line is the
+    // line's.
+    if (!tell_stop()) return false;
     if (read == LineEditor::Read::canceled) {
+      // The second Ctrl-C: the first has ended the statement, and there is no line to take back.
+      if (chunk_.empty() && line.empty() && session.rig.coils != nullptr &&
+          session.rig.coils->energized())
+        session.control.request(StopTier::abort, "by the operator",
+                                {"person", "", "the terminal"});
       forget();
       continue;
     }
@@ -319,7 +387,7 @@ PromptEnd Prompt::run() {
   });
   context.session->control.set_idle(true);
   if (in_.interactive()) greet();
-  for (std::string line; read_line(line) && !leaves(line);) take_line(line);
+  for (std::string line; !leaves_ && read_line(line) && !leaves(line);) take_line(line);
   if (!chunk_.empty()) {
     in_lua(L_, 0, [this] { load(); });
     refuse(lua_tostring(L_, -1));

@@ -368,6 +368,23 @@ TEST(Lamp, ThePictureIsAsBrightAsTheLight) {
   EXPECT_LT(cv::mean(laboratory.top_image(Time(0), 1))[0], 1);
 }
 
+TEST(Lamp, AfterAChangeThePictureIsTheOneOfThatLightFromTheStart) {
+  for (const TopView view : {TopView::microscope, TopView::plain}) {
+    LaboratorySettings settings = small();
+    settings.top_view = view;
+    const auto clock = virtual_clock();
+    Laboratory changed(settings, *clock, 1), dim(settings, *clock, 1);
+    for (Laboratory* const one : {&changed, &dim}) one->sample().insert_robot({0, 0, 0});
+    const cv::Mat full = changed.top_image(Time(0), 1);
+    for (Laboratory* const one : {&changed, &dim}) one->set_light(0.3);
+    const cv::Mat seen = changed.top_image(Time(0), 2);
+    EXPECT_EQ(cv::norm(seen, dim.top_image(Time(0), 2)), 0);
+    EXPECT_LT(cv::mean(seen)[0], 0.5 * cv::mean(full)[0]);
+    changed.set_light(1);
+    EXPECT_EQ(cv::norm(changed.top_image(Time(0), 1), full), 0);
+  }
+}
+
 TEST(BareSensor, ItsLightComesThroughTheMiddleOfTheStop) {
   const optics::System eye = optics::model_eye_5_3();
   const optics::Microscope sensor = bare_sensor(eye, 12.3e-3, 0.159);

@@ -237,6 +237,7 @@ TEST(RunControlReference, a_signal_between_two_statements_is_no_cause) {
   const auto start = std::chrono::steady_clock::now();
   control.request_and_wait(StopTier::stop);  // no script runs that could be waited for
   EXPECT_LT(std::chrono::steady_clock::now() - start, 1500ms);
+  control.make_safe_between();
   control.set_idle(false);
   control.request_by_signal(SIGINT, 0, StopTier::stop);
   EXPECT_EQ(control.cause().signal, "SIGINT");

@@ -213,7 +213,7 @@ TEST_F(RunControlUnit, TheRestIsTheTimeSoFarTimesWhatIsLeft) {
   EXPECT_NEAR(control.status().remaining, 0, 1e-12);
 }
 
-TEST_F(RunControlUnit, BetweenTwoStatementsThereIsNothingToStopAndANewOneForgets) {
+TEST_F(RunControlUnit, BetweenTwoStatementsNoScriptIsStoppedAndANewOneForgets) {
   control.request(StopTier::abort, "because", {"disk"});
   control.begin_stopping();
   control.set_idle(false);
@@ -231,10 +231,12 @@ TEST_F(RunControlUnit, BetweenTwoStatementsThereIsNothingToStopAndANewOneForgets
   control.request_by_signal(SIGTERM, 0, StopTier::stop);
   EXPECT_EQ(control.tier(), StopTier::none);
   EXPECT_EQ(interrupted, before);
+  control.make_safe_between();
+  EXPECT_EQ(made_safe, 2);
   control.set_idle(false);
-  EXPECT_EQ(control.reason(), "by the operator") << "the signal asked nothing";
+  EXPECT_EQ(control.reason(), "by the operator") << "the signal was answered";
   control.make_safe();
-  EXPECT_EQ(made_safe, 2) << "a safe state of its own";
+  EXPECT_EQ(made_safe, 3) << "a safe state of its own";
   control.request_pause();
   control.set_idle(false);
   EXPECT_EQ(control.status().phase, RunPhase::pause_requested) << "a pause is kept";

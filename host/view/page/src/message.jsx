@@ -35,6 +35,7 @@ export function Message({ store }) {
     return <Line first="Paused." then={store.status.note || 'The robot is held.'}>
       <button class="primary" disabled={store.status.control !== 'mine'} onClick={() => store.send({ do: 'resume' })}>Resume</button>
     </Line>;
+  if (said.kind === 'ready') return <Line first="The prompt waits for a statement." then="A loop that holds goes on holding; STOP makes the devices safe." />;
   if (said.kind === 'idle') return <Line first="Nothing runs yet." then="The page shows the run when it begins." />;
   const [first, then] = invitationOf(store);
   return <Line first={first} then={then} />;

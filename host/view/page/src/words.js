@@ -49,7 +49,7 @@ function loopWords(store) {
   return off > kArrived ? 'Moving to the target' : 'Holding';
 }
 
-/** { kind, word, mark }: one of running, waiting, question, pausing, paused, lost, stopping, ended, offline, idle. */
+/** { kind, word, mark }: one of running, waiting, question, pausing, paused, lost, stopping, ready, ended, offline, idle. */
 export function stateOf(store) {
   const { status, ended } = store, phase = status.phase;
   if (ended !== null) return { kind: 'ended', word: endWord(ended), mark: 'ring' };
@@ -65,6 +65,7 @@ export function stateOf(store) {
   if (phase === 'pause requested') return { kind: 'pausing', word: 'Pausing at the next step', mark: 'square' };
   const lost = lostFor(store);
   if (lost !== null && lost > kLost) return { kind: 'lost', word: 'Robot lost', mark: 'cross' };
+  if (phase === 'ready') return { kind: 'ready', word: loopWords(store) || 'Ready', mark: 'ring' };
   const word = loopWords(store) || waitWords(status.waiting_for) || 'Working';
   return { kind: 'running', word, mark: 'dot' };
 }

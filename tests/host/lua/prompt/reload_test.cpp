@@ -96,7 +96,7 @@ class Typed final : public LineEditor {
     std::istringstream in(lines);
     for (std::string line; std::getline(in, line);) lines_.push_back(line);
   }
-  Read read(const std::string&, std::string& line, const std::function<void()>&) override {
+  Read read(const std::string&, std::string& line, const std::function<bool()>&) override {
     for (; !lines_.empty(); lines_.pop_front()) {
       if (!lines_.front().starts_with("?")) {
         line = lines_.front();
