@@ -272,19 +272,18 @@ struct Laboratory::State {
   // Gathered now; drawn under a lock of the camera's own, so that neither another picture of it nor
   // a change of eye or robot comes between.
   Picture expose_top(Time exposed, std::uint64_t number) {
-    return
-        [this, now = pose(exposed), lit = light, bodies = bodies_seen(settings.top, exposed),
-         exposed, number] {
-          const std::lock_guard lock(drawing_top);
-          if (!top_renderer || !(now == rendered_pose)) prepare_top(now, lit);
-          if (lit != rendered_light) {
-            top_renderer->set_brightness(top_brightness(lit));
-            rendered_light = lit;
-          }
-          if (settings.fundus_drift > 0 && settings.top_view != TopView::plain)
-            top_renderer->set_ground(ground_at(exposed), retina_defocus);
-          return top_renderer->render(bodies, number);
-        };
+    return [this, now = pose(exposed), lit = light, bodies = bodies_seen(settings.top, exposed),
+            exposed, number] {
+      const std::lock_guard lock(drawing_top);
+      if (!top_renderer || !(now == rendered_pose)) prepare_top(now, lit);
+      if (lit != rendered_light) {
+        top_renderer->set_brightness(top_brightness(lit));
+        rendered_light = lit;
+      }
+      if (settings.fundus_drift > 0 && settings.top_view != TopView::plain)
+        top_renderer->set_ground(ground_at(exposed), retina_defocus);
+      return top_renderer->render(bodies, number);
+    };
   }
 
   Picture expose_side(Time exposed, std::uint64_t number) {

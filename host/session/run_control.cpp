@@ -137,6 +137,8 @@ void RunControl::request(StopTier tier) noexcept {
   }
   ++changes_;
   sem_post(&request_);
+  // Its statement has ended meanwhile: what this has left behind is of what goes on now.
+  if (idle_) return between_.ask(tier);
   // On the script's own thread the delivery is a call; else a signal, which also breaks off a
   // blocking system call.
   if (pthread_equal(script_, pthread_self()))
@@ -315,12 +317,16 @@ std::vector<std::string> RunControl::failures() const {
   return failures_;
 }
 
+// The deadlines of a stop are over with its statement.
+void RunControl::forget_end() noexcept {
+  tier_ = StopTier::none;
+  for (auto& time : requested_at_) time = 0;
+}
+
 void RunControl::set_idle(bool idle) {
   // First: a request from here on is of what goes on between two statements.
   if (idle) idle_ = true;
-  // The deadlines of a stop are over with its statement.
-  tier_ = StopTier::none;
-  for (auto& time : requested_at_) time = 0;
+  forget_end();
   if (idle) {
     const std::lock_guard lock(mutex_);
     status_ = {};
@@ -352,6 +358,8 @@ void RunControl::set_idle(bool idle) {
 void RunControl::make_safe_between() {
   const StopBetween::Asked asked = between_.take();
   if (asked.tier == StopTier::none) return;
+  // Of a request that came as its statement ended.
+  if (idle_) forget_end();
   AnsweredStop answered{asked.reason, asked.cause, {}};
   if (hooks_.make_safe) answered.failures = hooks_.make_safe();
   if (answered.reason.empty()) {

@@ -111,6 +111,7 @@ class RunControl {
 
  private:
   std::string pause_note() const;  // under mutex_
+  void forget_end() noexcept;
   friend void deliver_to_script() noexcept;
   friend RunControl* attached_control() noexcept;
   ScriptHooks hooks_;
@@ -118,8 +119,7 @@ class RunControl {
   std::atomic<StopTier> tier_{StopTier::none};
   /// ns of the steady clock, by tier; 0: never.
   std::array<std::atomic<std::int64_t>, 4> requested_at_{};
-  std::atomic<bool> safe_{false};
-  std::atomic<bool> felt_{false};
+  std::atomic<bool> safe_{false}, felt_{false};
   std::atomic<bool> pause_{false};
   std::atomic<bool> idle_{false};
   std::atomic<unsigned long> changes_{0};
@@ -130,13 +130,13 @@ class RunControl {
   std::atomic<bool> signal_is_stronger_{false};  // than the request whose reason is known
   std::array<char, 16> sender_{};
   StopBetween between_;
+  std::optional<AnsweredStop> answered_;  // under mutex_
   sem_t request_;
   mutable std::mutex mutex_;  // of what follows; never taken in a signal handler
   RunStatus status_;
   std::string pause_at_;
   std::string reason_;
   EndCause cause_;
-  std::optional<AnsweredStop> answered_;
   std::string location_, override_by_;
   RemainingTime remaining_;
   std::vector<std::string> failures_;

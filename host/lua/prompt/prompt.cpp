@@ -323,11 +323,14 @@ bool Prompt::read_line(std::string& line) {
   Session& session = *script_.context().session;
   const auto idle = [this, &session] {
     constexpr std::chrono::milliseconds kTurn(20);
-    // On the virtual clock the world stands still meanwhile.
-    if (session.real_time)
-      session.clock.sleep_for(kTurn);
-    else
-      std::this_thread::sleep_for(kTurn);
+    try {
+      // On the virtual clock the world stands still meanwhile.
+      if (session.real_time)
+        session.clock.sleep_for(kTurn);
+      else
+        std::this_thread::sleep_for(kTurn);
+    } catch (const Stopped&) {  // asked as its statement ended; it is answered here
+    }
     return answer_stop();
   };
   for (;;) {
@@ -339,8 +342,7 @@ bool Prompt::read_line(std::string& line) {
       // The second Ctrl-C: the first has ended the statement, and there is no line to take back.
       if (chunk_.empty() && line.empty() && session.rig.coils != nullptr &&
           session.rig.coils->energized())
-        session.control.request(StopTier::abort, "by the operator",
-                                {"person", "", "the terminal"});
+        session.control.request(StopTier::abort, "by the operator", {"person", "", "the terminal"});
       forget();
       continue;
     }

@@ -351,6 +351,55 @@ TEST_F(WatchedRun, ThatMadeItselfSafeIsLeftAloneUntilItIsGivenUp) {
   EXPECT_EQ(control.status().phase, RunPhase::not_responding);
 }
 
+TEST_F(WatchedRun, WhoseAbortedStatementHasEndedAtThePromptIsNotGivenUp) {
+  WatchdogLimits bounds = limits();
+  bounds.clean_up = 50ms;
+  bounds.grace = 100ms;
+  for (const StopTier tier : {StopTier::stop, StopTier::abort, StopTier::emergency}) {
+    RunControl prompt;
+    prompt.attach({[] {}, [] { return std::vector<std::string>(); }});
+    const Watchdog watchdog(prompt, clock, bounds, actions());
+    prompt.request(tier, "of Ann");
+    prompt.begin_stopping();
+    prompt.make_safe();
+    prompt.set_idle(true);
+    within(400ms, [&] { return given_up_at.load() >= 0ms; });
+    EXPECT_LT(given_up_at.load(), 0ms) << to_string(tier);
+    EXPECT_EQ(prompt.status().phase, RunPhase::ready);
+    EXPECT_EQ(prompt.reason(), "of Ann") << "no clean-up took too long";
+    prompt.detach();
+  }
+}
+
+TEST_F(WatchedRun, ThatComesToItsEndWhileItIsMadeSafeByForceIsNotGivenUp) {
+  WatchdogLimits bounds = limits();
+  bounds.safe = 10ms;
+  bounds.grace = 400ms;
+  const Watchdog watchdog(control, clock, bounds, actions());
+  control.request(StopTier::abort);
+  ASSERT_TRUE(within(10s, [&] { return safe_at.load() >= 0ms; }));
+  control.set_idle(true);
+  EXPECT_TRUE(within(10s, [&] { return clock.left > 0; }));
+  within(600ms, [&] { return given_up_at.load() >= 0ms; });
+  EXPECT_LT(given_up_at.load(), 0ms);
+}
+
+TEST_F(WatchedRun, WhosePromptDoesNotComeIsMadeSafeForAStopBetweenTwoStatements) {
+  WatchdogLimits bounds = limits();
+  bounds.safe = 200ms;
+  const Watchdog watchdog(control, clock, bounds, actions());
+  control.set_idle(true);
+  EXPECT_FALSE(within(300ms, [&] { return broke_in(); })) << "nothing is asked";
+  began = Steady::now();
+  control.request(StopTier::stop, "of the pedal", {"device", "pedal"});
+  EXPECT_TRUE(within(10s, [&] { return safe_at.load() >= 0ms; }));
+  EXPECT_GE(safe_at.load(), 199ms) << "the prompt's own time comes first";
+  ASSERT_TRUE(within(10s, [&] { return clock.left > 0; }));
+  EXPECT_EQ(clock.patiences()[0], Time(5ms));
+  EXPECT_EQ(control.take_answered()->reason, "of the pedal");
+  EXPECT_FALSE(within(300ms, [&] { return clock.left > 1; })) << "once";
+}
+
 TEST_F(WatchedRun, TellsWhatChangedOnceAnInterval) {
   std::mutex mutex;
   std::vector<std::pair<std::string, std::chrono::milliseconds>> told;
