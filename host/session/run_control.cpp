@@ -122,8 +122,7 @@ void RunControl::request(StopTier tier) noexcept {
     // No script is there to be interrupted: the prompt looks every 20 ms, the watchdog is woken.
     between_.ask(tier);
     ++changes_;
-    sem_post(&request_);
-    return;
+    return wake_watchdog();
   }
   if (tier < tier_) return;
   // A higher tier includes the lower ones; the first request of each starts its deadline.
@@ -150,7 +149,8 @@ void RunControl::request(StopTier tier) noexcept {
 void RunControl::request(StopTier tier, const std::string& reason, const EndCause& cause) {
   if (idle_) {
     between_.ask(tier, reason, cause);
-    return request(tier);  // wakes who answers
+    ++changes_;
+    return wake_watchdog();
   }
   // Not atomic with the request; of two at once either reason is a true one.
   if (tier > tier_) {
@@ -166,7 +166,8 @@ void RunControl::request_by_signal(int number, pid_t sender, StopTier tier) noex
   // What the statement before was ended by stays.
   if (idle_) {
     between_.ask(tier, number);
-    return request(tier);
+    ++changes_;
+    return wake_watchdog();
   }
   if (signal_ == 0) {
     if (sender > 0) name_of_process(sender, sender_);
@@ -305,11 +306,14 @@ void RunControl::begin_stopping() {
 // The baton is with the caller. The lock is not held during the hook, which waits for instruments,
 // so that the faces can ask for the status meanwhile.
 void RunControl::make_safe() {
+  ++making_safe_;
   // Once, by whichever comes first: the script's thread or the watchdog.
-  if (!hooks_.make_safe || safe_.exchange(true)) return;
-  std::vector<std::string> failures = hooks_.make_safe();
-  const std::lock_guard lock(mutex_);
-  failures_.insert(failures_.end(), failures.begin(), failures.end());
+  if (hooks_.make_safe && !safe_.exchange(true)) {
+    std::vector<std::string> failures = hooks_.make_safe();
+    const std::lock_guard lock(mutex_);
+    failures_.insert(failures_.end(), failures.begin(), failures.end());
+  }
+  --making_safe_;
 }
 
 std::vector<std::string> RunControl::failures() const {

@@ -92,6 +92,7 @@ class RunControl {
   /// The devices' safe state, once after each attach(); what failed is kept for the record.
   void make_safe();
   bool safe() const noexcept { return safe_.load(); }
+  bool making_safe() const noexcept { return making_safe_ > 0; }  // by another thread, not done
   std::vector<std::string> failures() const;
 
   /// For the prompt: between two statements a request is of what they have left running. Idle, the
@@ -120,10 +121,9 @@ class RunControl {
   /// ns of the steady clock, by tier; 0: never.
   std::array<std::atomic<std::int64_t>, 4> requested_at_{};
   std::atomic<bool> safe_{false}, felt_{false};
-  std::atomic<bool> pause_{false};
-  std::atomic<bool> idle_{false};
-  std::atomic<unsigned long> changes_{0};
-  std::atomic<unsigned long> deliveries_{0};
+  std::atomic<int> making_safe_{0};
+  std::atomic<bool> pause_{false}, idle_{false};
+  std::atomic<unsigned long> changes_{0}, deliveries_{0};
   // The first signal that asked for an end, and what its sender is called: a name of Linux' has 15
   // characters. Written before `signal_`, and not again until it is 0.
   std::atomic<int> signal_{0};

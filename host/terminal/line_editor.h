@@ -28,6 +28,8 @@ class LineEditor {
   /// within some 20 ms, and false where no more lines are wanted: the end.
   virtual Read read(const std::string& prompt, std::string& line,
                     const std::function<bool()>& idle) = 0;
+  /// Forgets what was typed ahead and is not read yet; of a stream nothing, which is a script.
+  virtual void forget_ahead() {}
   /// Puts a whole statement, of one line or several, into the history.
   virtual void remember(const std::string& statement) = 0;
   virtual void set_completion(Complete complete) = 0;

@@ -96,6 +96,8 @@ class TerminalLines final : public LineEditor {
     return result_;
   }
 
+  void forget_ahead() override { tcflush(STDIN_FILENO, TCIFLUSH); }
+
   // The same statement twice in a row is kept once. A history that cannot be written is given up
   // with one complaint; the prompt goes on.
   void remember(const std::string& statement) override {

@@ -71,6 +71,9 @@ class Terminal {
     return false;
   }
 
+  /// The program's process.
+  pid_t child() const { return child_; }
+
   /// All that has come.
   const std::string& screen() const { return screen_; }
 

@@ -66,6 +66,10 @@ class LuaEngine final : public ScriptEngine {
     script.context().protocol_folders = protocols_;
     const lua::PromptEnd end = lua::run_prompt(script, in, out, err);
     script.clean_up();
+    if (!end.stopped.empty()) {
+      session.control.request(StopTier::stop, end.stopped, end.stopped_by);
+      throw Stopped();
+    }
     if (in.interactive() || end.failed == 0) return;
     throw ScriptError(std::to_string(end.failed) +
                       " statement(s) failed, the first: " + end.first_error);

@@ -45,6 +45,7 @@ class Prompt {
   void make_safe_after_stop(std::size_t failed_before);
   bool answer_stop();
   bool tell_stop();
+  void end_for(const std::string& reason, const EndCause& cause);
   std::vector<StatedResult> stated_results();
   void show_results(int count);
   void greet();
@@ -62,13 +63,7 @@ class Prompt {
   int line_ = 0, chunk_line_ = 1;   // the newest of them; the chunk's first
   std::size_t read_ = 0;            // bytes that were compiled for this chunk
   PromptEnd end_;
-  bool leaves_ = false;  // whatever is typed: a signal wants the session's end
 };
-
-/// Who sends these wants the process gone: a service manager, a terminal that is closed.
-bool wants_the_end(const EndCause& cause) {
-  return cause.signal == "SIGTERM" || cause.signal == "SIGHUP";
-}
 
 /// What may be said of the devices after their safe state was asked for.
 std::string rest_text(const std::vector<std::string>& failures) {
@@ -165,16 +160,20 @@ void Prompt::end_nested() {
 void Prompt::make_safe_after_stop(std::size_t failed_before) {
   RunControl& control = script_.context().session->control;
   const EndCause cause = control.cause();
-  leaves_ = wants_the_end(cause);
-  if (control.tier() == StopTier::stop && (cause.by == "script" || cause.signal == "SIGINT")) {
+  end_for(control.reason(), cause);
+  const bool of_statement = cause.by == "script" || cause.signal == "SIGINT";
+  if (control.tier() == StopTier::none || (control.tier() == StopTier::stop && of_statement)) {
     out_ << "stopped\n";
     return;
   }
-  const StopShield shield(script_.context().session->clock);
+  Clock& clock = script_.context().session->clock;
+  const StopShield shield(clock);
   control.make_safe();  // once: after an abort it was before the clean-up
+  // The watchdog's, which has come first: nothing is said before it is so.
+  while (control.making_safe()) clock.sleep_for(std::chrono::milliseconds(1));
   std::vector<std::string> failures = control.failures();
   failures.erase(failures.begin(), failures.begin() + static_cast<std::ptrdiff_t>(failed_before));
-  out_ << (control.tier() == StopTier::stop ? "stopped " + control.reason() : "aborted") << "; "
+  out_ << (control.tier() == StopTier::stop ? "stopped " : "aborted ") << control.reason() << "; "
        << rest_text(failures) << "\n";
 }
 
@@ -188,10 +187,19 @@ bool Prompt::tell_stop() {
   Session& session = *script_.context().session;
   const auto stop = session.control.take_answered();
   if (!stop) return true;
+  in_.forget_ahead();  // lines that were sent before it: none of them begins behind it
   const std::string text = "stopped " + stop->reason + "; " + rest_text(stop->failures);
   session.recorder.event(session.clock.now(), "stop", "between two statements: " + text);
   session.listener.message(text);
-  return !wants_the_end(stop->cause);
+  end_for(stop->reason, stop->cause);
+  return end_.stopped.empty();
+}
+
+/// Who sends these wants the process gone: a service manager, a terminal that is closed.
+void Prompt::end_for(const std::string& reason, const EndCause& cause) {
+  if (cause.signal != "SIGTERM" && cause.signal != "SIGHUP") return;
+  end_.stopped = reason;
+  end_.stopped_by = cause;
 }
 
 /// Runs the function on the stack. Whatever ends it, the session goes on: what the statement left
@@ -389,7 +397,7 @@ PromptEnd Prompt::run() {
   });
   context.session->control.set_idle(true);
   if (in_.interactive()) greet();
-  for (std::string line; !leaves_ && read_line(line) && !leaves(line);) take_line(line);
+  for (std::string line; end_.stopped.empty() && read_line(line) && !leaves(line);) take_line(line);
   if (!chunk_.empty()) {
     in_lua(L_, 0, [this] { load(); });
     refuse(lua_tostring(L_, -1));

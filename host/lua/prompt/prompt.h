@@ -3,6 +3,7 @@
 #pragma once
 
 #include "host/lua/script/running.h"
+#include "host/record/run_data.h"
 #include "host/terminal/line_editor.h"
 
 #include <iosfwd>
@@ -14,6 +15,8 @@ namespace vitreo::lua {
 struct PromptEnd {
   int failed = 0;
   std::string first_error;
+  std::string stopped{};  // "by SIGTERM": a signal that wants the session's end; else ""
+  EndCause stopped_by{};
 };
 PromptEnd run_prompt(ScriptRun& script, LineEditor& in, std::ostream& out, std::ostream& err);
 

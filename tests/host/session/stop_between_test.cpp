@@ -126,14 +126,34 @@ TEST_F(StopBetweenTwo, FindsNothingLeftOfTheStatementBefore) {
   EXPECT_LT(status.remaining, 0);
 }
 
+TEST_F(StopBetweenTwo, OrInOneIsNotSafeBeforeTheThreadThatCameFirstIsThrough) {
+  std::atomic<bool> begun{false}, goes_on{false};
+  RunControl slow;
+  slow.attach({[] {},
+               [&] {
+                 begun = true;
+                 while (!goes_on) std::this_thread::yield();
+                 return std::vector<std::string>();
+               }});
+  EXPECT_FALSE(slow.making_safe());
+  std::thread watchdog([&] { slow.make_safe(); });
+  while (!begun) std::this_thread::yield();
+  slow.make_safe();  // has come second
+  EXPECT_TRUE(slow.making_safe());
+  goes_on = true;
+  watchdog.join();
+  EXPECT_FALSE(slow.making_safe());
+  slow.detach();
+}
+
 TEST_F(StopBetweenTwo, IsNotLostWhileThePromptTurnsToAStatementAndBack) {
   constexpr int kRequests = 2000;
   std::atomic<int> asked{0}, served{0};
   std::atomic<bool> ended{false};
   std::thread asker([&] {
     while (!ended && asked < kRequests) {
-      control.request(StopTier::stop, "by Ann", {"person", "Ann"});
       ++asked;
+      control.request(StopTier::stop, "by Ann", {"person", "Ann"});
       while (!ended && served < asked) std::this_thread::yield();
     }
   });
@@ -146,8 +166,9 @@ TEST_F(StopBetweenTwo, IsNotLostWhileThePromptTurnsToAStatementAndBack) {
     control.make_safe_between();
     const bool answered = control.take_answered().has_value();
     // Felt by the statement: its script was interrupted.
-    if (answered || interrupted != felt_before) served = std::max<int>(now_asked, asked);
-    felt_before = interrupted;
+    const int felt = interrupted;
+    if (answered || felt != felt_before) served = std::max<int>(now_asked, asked);
+    felt_before = felt;
   }
   EXPECT_EQ(served, kRequests) << "the one after these was lost";
   ended = true;

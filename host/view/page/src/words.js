@@ -31,14 +31,16 @@ export function waitWords(what) {
   return call ? `Busy: ${object.replaceAll('_', ' ')}, ${call.replaceAll('_', ' ')}` : `Busy: ${first.replaceAll('_', ' ')}`;
 }
 
-/** Seconds of the experiment since the robot was seen; 0 while it is, null where no loop looks for it. */
+/** Seconds of the experiment since the robot was seen or measured; 0 while it is, null where no loop looks for it. */
 export function lostFor(store) {
   const held = store.streams.servo;
   if (!held || held.rows.length === 0) return null;
   const last = held.rows[held.rows.length - 1][0];
   if (store.time - last > kFresh) return null;
-  const column = held.channels.u_px + 1;
-  for (let i = held.rows.length - 1; i >= 0; --i) if (held.rows[i][column] !== null) return store.time - held.rows[i][0];
+  // By a sensor without an image it is seen where it is measured.
+  const columns = [held.channels.u_px + 1, held.channels.x + 1];
+  for (let i = held.rows.length - 1; i >= 0; --i)
+    if (columns.some((column) => held.rows[i][column] !== null)) return store.time - held.rows[i][0];
   return last - held.rows[0][0];
 }
 
