@@ -23,7 +23,7 @@ const kPlaces = {
 kPlaces['2560x1440'] = Object.fromEntries(Object.entries(kPlaces['1920x1080']).map(([part, box]) => [part, box.map((v) => (v * 4) / 3)]));
 const kSays = {
   idle: /Nothing runs yet/, question: /How long is this eye/, alarm: /!!!.*0\.31 mm from the retina/, medium: /!!.*Coil 3 is warm/, lost: /was not seen for/,
-  paused: /Paused.*Resume/, watching: /You watch.*Take control/, stopping: /Stopping.*STOP again: at once/, ended: /Coils 0 A, read back( 0\.18 s after STOP)?\./,
+  ready: /The prompt waits for a statement/, left: /The prompt waits for a statement/, paused: /Paused.*Resume/, watching: /You watch.*Take control/, stopping: /Stopping.*STOP again: at once/, ended: /Coils 0 A, read back( 0\.18 s after STOP)?\./,
   choices: /Is the eye fixed.*yes.*no/, margin: /Click a place to send the robot there/,
   hot: /The coils are not at zero: 1\.20 A\. Switch them off by hand/, retina: /Click a place to send the robot there/, running: /Click a place to send the robot there/,
 };
@@ -99,6 +99,14 @@ async function everyState(browser) {
     if (name === 'margin') {
       await soon(async () => (await page.locator('#distance').getAttribute('data-level')) === 'margin', 'at the margin the level is another');
       await soon(() => page.locator('.jog button').nth(1).isDisabled(), 'at the margin the robot can be sent down');
+    }
+    if (name === 'ready') await soon(async () => /Holding|Moving/.test(await text(page, '#state')), 'between two statements the loop that goes on is not told of');
+    if (name === 'left') {
+      await soon(async () => (await text(page, '#state')) === 'Ready', 'a loop that has ended seems to go on');
+      await soon(async () => /^– –/.test(await text(page, '#distance .bound')), 'the clearance is one of four seconds ago');
+      await soon(async () => /no loop looks for it/.test(await text(page, '#clearance')), 'why there is no clearance is not said');
+      await soon(async () => /^–+$/.test((await page.locator('.positions .robot td').allTextContents()).join('')), 'the position is one of four seconds ago');
+      if (pictures !== '-') await page.screenshot({ path: `${pictures}/live_left.png` });
     }
     if (name === 'alarm') {
       await page.click('#to-question');

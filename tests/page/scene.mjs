@@ -81,6 +81,8 @@ export const states = {
   watching: { status: { control: 'free' } },
   retina: { retina: true },
   stopping: { status: { phase: 'stopping' } },
+  ready: { status: { phase: 'ready' } },
+  left: { status: { phase: 'ready' }, later: 4 }, // s after the loop has told something for the last time
   ended: { end: { ended: 'stopped: stopped by the operator', rest: kRead, report: '/report' }, stopped: true },
   hot: { end: { ended: 'aborted: the amplifier did not answer', rest: { t: 61, text: 'coils NOT at zero: coil 3 carries 1.2 A, read back at 12:03:11.250', amperes: [0, 0, 1.2, 0, 0, 0, 0, 0] } } },
 };
@@ -171,6 +173,7 @@ export async function open(browser, folder, name, viewport, more = {}) {
     send({ time: kEnd, cameras: ['side_camera', 'top_camera'], streams: streams(state.streams), lines, status: { ...status, ...state.status }, rest: null });
     if (state.retina) send({ time: kEnd, streams: retinaStreams(kEnd, kStill) });
     for (const bytes of pictures) socket.send(bytes);
+    if (state.later) send({ time: kEnd + state.later, status: { ...status, ...state.status } });
     if (state.end) send(state.end);
   });
   page.sent = sent;

@@ -2,7 +2,7 @@
 // the thesis' depth bar (figures 6.7 and 6.8) over the whole eye, and the last 2 mm always at one scale. Colors, words and
 // bars follow the lower end, never the estimate.
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { named, newest } from './link.js';
+import { named, newest, present } from './link.js';
 
 const kNear = 1.0e-3, kClose = 0.4e-3; // m, of the bound: near, very close
 const kHysteresis = 0.05e-3; // m, upwards
@@ -40,10 +40,10 @@ export function levelOf(clearance, margin, before = 'free') {
 export const mm = (meters) => (Math.round(meters * 1e5) / 100 + 0).toFixed(2).replace('-', '−'); // never -0.00
 const least = (meters) => (Math.floor(Math.max(0, meters) * 1e5) / 100).toFixed(2); // "at least": rounded down
 
-/** The newest clearance that is one; null when the robot was not seen for a second. */
+/** The newest clearance that is one; null when the robot was not seen for a second, or no loop looks for it. */
 export function clearanceOf(store) {
   const held = store.streams.clearance;
-  if (!held || held.rows.length === 0) return null;
+  if (!present(store, 'clearance')) return null;
   const last = held.rows[held.rows.length - 1][0];
   for (let i = held.rows.length - 1; i >= 0 && held.rows[i][0] > last - kStale; --i) {
     const row = named(held, held.rows[i]);
@@ -72,7 +72,7 @@ export function useSize() {
 
 /** Left the whole eye, right the last 2 mm; heights over the wall in m. */
 function Bars({ store, clearance, level, depth }) {
-  const [place, w, h] = useSize(), geometry = store.hello?.geometry, row = newest(store, 'servo');
+  const [place, w, h] = useSize(), geometry = store.hello?.geometry, row = present(store, 'servo');
   const top = 22, foot = h - 24, y = (height, span) => foot - (height / span) * (foot - top);
   const begin = Math.max(w * 0.44, 54), left = { x: 24, w: Math.max(12, w * 0.13) }, right = { x: begin, w: Math.max(24, w - begin - 28) };
   const wall = clearance?.at_lens ? 'lens' : 'retina', z0 = geometry?.retina.z ?? 0;
@@ -115,12 +115,12 @@ function Bars({ store, clearance, level, depth }) {
 
 export function Depth({ store, zero, jog }) {
   const before = useRef('free');
-  const row = newest(store, 'servo'), clearance = clearanceOf(store), geometry = store.hello?.geometry;
+  const row = present(store, 'servo'), clearance = clearanceOf(store), geometry = store.hello?.geometry;
   const level = levelOf(clearance, geometry?.margin ?? 0, before.current), { depth } = store;
   before.current = level;
   const live = store.ended === null, mine = live && store.status.control === 'mine', wall = clearance?.at_lens ? 'lens' : 'retina';
   const stay = level === 'margin' && wall === 'retina';
-  const said = !live ? 'not held' : level === 'unknown' && !row ? 'no robot yet' : kWords[level];
+  const said = !live ? 'not held' : level === 'unknown' && !row ? (newest(store, 'servo') ? 'not watched' : 'no robot yet') : kWords[level];
   return (
     <section class={`depth panel ${live ? level : 'unknown'}`}>
       <div class="numbers" id="distance" data-level={level} role="status">
@@ -128,7 +128,7 @@ export function Depth({ store, zero, jog }) {
         <b class={`bound ${clearance?.bound >= 9.995e-3 ? 'long' : ''}`}>{level === 'unknown' ? '– –' : least(clearance.bound)}<small> mm</small></b>
         <span class="word">{said}</span>
         <span class="tiny estimate" id="clearance" title="estimate and its 99 % half width">
-          {clearance ? `${mm(clearance.distance)} ± ${mm(clearance.uncertainty)} mm${clearance.kept_out ? ', held off' : ''}` : 'the robot is not seen'}
+          {clearance ? `${mm(clearance.distance)} ± ${mm(clearance.uncertainty)} mm${clearance.kept_out ? ', held off' : ''}` : present(store, 'clearance') ? 'the robot is not seen' : 'no loop looks for it'}
         </span>
         {clearance?.uncertainty > kDoubtful && !clearance.kept_out ? <span class="tiny aim-line">calibrate on the {wall}</span> : null}
         <span class="tiny aim-line" id="aim">{row && row.target_z !== null ? `target z ${mm((depth ?? row.target_z) - zero)} mm` : 'no target'}</span>

@@ -2,7 +2,7 @@
 // contrast (of the display alone), measuring and flags. Positions under the pointer come from the rig's model ("where").
 import { useEffect, useRef, useState } from 'preact/hooks';
 import { holding, known } from './held.js';
-import { named, newest } from './link.js';
+import { named, newest, present } from './link.js';
 import { LightPanel, Tools } from './tools.jsx';
 import { axes, cased, drawPicture, ellipse, kTrailSpan, label, penOf, polyline, scaleBar, sizeOf, target, toBox, toPicture, turnOf } from './overlay.js';
 
@@ -23,7 +23,7 @@ function rowAt(held, time) {
     trail is the way over it: each of its points by the frame of its own time. */
 function drawLoop(pen, view, store, frame) {
   const held = store.streams.servo;
-  if (!held) return;
+  if (!present(store, 'servo')) return;
   const recent = held.rows.filter((row) => row[0] > frame.time - kTrailSpan).map((row) => named(held, row)).filter((r) => r.u_px !== null);
   if (recent.length > 1) cased(pen, '#56b4e9', 2, () => polyline(pen, recent.map((r) => toBox(view.heldAt ? { ...view, held: view.heldAt(r.t) ?? view.held } : view, [r.u_px, r.v_px]))));
   const now = rowAt(held, frame.time) ?? newest(store, 'servo'), seen = now.u_px !== null ? now : recent[recent.length - 1];

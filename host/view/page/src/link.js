@@ -43,6 +43,14 @@ export function newest(store, stream) {
   return named(held, held.rows[held.rows.length - 1]);
 }
 
+const kFresh = 1.5; // s: a row that is older is not of now
+
+/** The same where it is of now; null where nobody has told for a while, as when a loop has ended. Of a run that has ended: the last. */
+export function present(store, stream) {
+  const row = newest(store, stream);
+  return row && (store.ended !== null || store.time - row.t <= kFresh) ? row : null;
+}
+
 export function named(held, row) {
   const values = { t: row[0] };
   for (const [name, index] of Object.entries(held.channels)) values[name] = row[index + 1];

@@ -1,11 +1,11 @@
 // Positions, coils and log.
 import { formatNumber, formatQuantity, showColumn } from './format.js';
-import { newest } from './link.js';
+import { newest, present } from './link.js';
 import { mm } from './depth.jsx';
 import { gathered, restWords } from './words.js';
 
 export function Positions({ store, zero }) {
-  const row = newest(store, 'servo');
+  const row = present(store, 'servo');
   const cells = (of) => ['x', 'y', 'z'].map((axis) => <td>{row ? of(axis) ?? '–' : '–'}</td>);
   const off = { x: 0, y: 0, z: zero };
   const micrometers = (a, b) => (a === null || b === null ? null : String(Math.round((a - b) * 1e6) + 0).replace('-', '−'));

@@ -1,7 +1,7 @@
 // The section: the eye from the side in mm, from the rig's model: retina, keep-out margin, lens, the robot's body, its trail and
 // target; over the side camera's picture where there is one. A click there is a target at the present y.
 import { useEffect, useRef } from 'preact/hooks';
-import { named, newest } from './link.js';
+import { named, newest, present } from './link.js';
 import { cased, ellipse, kTrailSpan, label, penOf, polyline, scaleBar, target } from './overlay.js';
 
 const kHeight = 10e-3; // m, of the section
@@ -75,7 +75,7 @@ export function Section({ store, slot }) {
 }
 
 function drawRobot(pen, store, geometry, place, scale) {
-  const held = store.streams.servo, row = newest(store, 'servo');
+  const held = store.streams.servo, row = present(store, 'servo');
   if (!row) return;
   const trail = held.rows.filter((r) => r[0] > row.t - kTrailSpan).map((r) => named(held, r)).filter((r) => r.x !== null);
   if (trail.length > 1) cased(pen, '#56b4e9', 2, () => polyline(pen, trail.map((r) => place([r.x, r.z]))));

@@ -1,8 +1,7 @@
 // The run's state in people's words: what it does, what it waits for, what the coils were read back as.
-import { newest } from './link.js';
+import { present } from './link.js';
 
 const kLost = 1; // s without the robot's ellipse
-const kFresh = 1.5; // s: a servo row that is older is not the loop's any more
 const kArrived = 150e-6; // m
 
 /** What a call of a script does while it is waited for. Others: "stage:move_to" is said as "stage: move to". */
@@ -33,10 +32,8 @@ export function waitWords(what) {
 
 /** Seconds of the experiment since the robot was seen or measured; 0 while it is, null where no loop looks for it. */
 export function lostFor(store) {
-  const held = store.streams.servo;
-  if (!held || held.rows.length === 0) return null;
-  const last = held.rows[held.rows.length - 1][0];
-  if (store.time - last > kFresh) return null;
+  if (!present(store, 'servo')) return null;
+  const held = store.streams.servo, last = held.rows[held.rows.length - 1][0];
   // By a sensor without an image it is seen where it is measured.
   const columns = [held.channels.u_px + 1, held.channels.x + 1];
   for (let i = held.rows.length - 1; i >= 0; --i)
@@ -45,8 +42,8 @@ export function lostFor(store) {
 }
 
 function loopWords(store) {
-  const row = newest(store, 'servo');
-  if (!row || store.time - row.t > kFresh || row.target_x === null || row.x === null) return '';
+  const row = present(store, 'servo');
+  if (!row || row.target_x === null || row.x === null) return '';
   const off = Math.hypot(row.x - row.target_x, row.y - row.target_y, row.z - row.target_z);
   return off > kArrived ? 'Moving to the target' : 'Holding';
 }
