@@ -91,7 +91,7 @@ void Watchdog::check_ending() {
   if ((*aborting > patience && !control_.safe()) || *aborting > limits_.grace) take_over();
 }
 
-/// What is asked between two statements of the prompt is answered there; here where nobody comes.
+/// What is asked between two statements of the prompt is answered there; here where it does not.
 void Watchdog::check_between() {
   if (control_.between().since().value_or(Time(0)) <= limits_.safe) return;
   clock_.break_in(std::chrono::milliseconds(5));

@@ -96,8 +96,8 @@ class RunControl {
   std::vector<std::string> failures() const;
 
   /// For the prompt: between two statements a request is of what they have left running. Idle, the
-  /// end that was asked of the last one is over; busy, so is why, and a request that nobody has
-  /// answered is of this one, as a pause is.
+  /// end that was asked of the last one is over; busy, so is why, and a request without an answer
+  /// is of this one, as a pause is.
   void set_idle(bool idle);
   const StopBetween& between() const { return between_; }
   /// Answers what is asked there with the devices' safe state; threads as of make_safe().

@@ -36,7 +36,8 @@ FILES = {
     'host/servo/frame_validator.cpp': (80, 'FrameValidator*:ArrivalDelay*'),
     'host/servo/stamp_watch.cpp': (50, 'StampWatch*'),
     'host/servo/view_watch.cpp': (45, 'ViewWatch*'),
-    'host/session/run_control.cpp': (60, 'RunControlUnit*:RunControlRef*:RunControlState*', 'WatchedRun*:RunWatchdog*:StuckRun*'),
+    'host/session/run_control.cpp': (60, 'RunControlUnit*:RunControlRef*:RunControlState*', 'StopBetween*:WatchedRun*:RunWatchdog*:StuckRun*'),
+    'host/session/stop_between.cpp': (60, 'StopBetween*'),
 }
 # With the goal of each and the program that has its tests.
 NUMERIC = {

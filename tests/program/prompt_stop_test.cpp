@@ -196,7 +196,7 @@ TEST_F(PromptStop, AnotherOnesStopInAStatementEndsItAndThenMakesTheDevicesSafe) 
   enter("push()");
   EXPECT_TRUE(flows());
   wait_in_a_statement();
-  kill(terminal_->child(), SIGINT);  // is Ctrl-C, whoever sends it
+  kill(terminal_->child(), SIGINT);  // from another process too it is Ctrl-C
   EXPECT_TRUE(sees("stopped") && terminal_->prompts()) << unseen();
   EXPECT_TRUE(flows());
 }
@@ -262,7 +262,7 @@ TEST_F(PromptStop, APromptThatStandsIdleAfterAnAbortedStatementIsNotEnded) {
   wait_in_a_statement();
   control("abort");
   EXPECT_TRUE(sees("devices are safe")) << unseen();
-  EXPECT_FALSE(sees("not responding", 7s)) << "nobody has typed anything";
+  EXPECT_FALSE(sees("not responding", 7s)) << "nothing is typed";
   EXPECT_EQ(currents(), "zero");
   leave();
 }

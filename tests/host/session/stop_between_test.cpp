@@ -88,7 +88,7 @@ TEST_F(StopBetweenTwo, OfASignalSaysWhichOne) {
   EXPECT_EQ(control.take_answered()->reason, "by the operator") << "the signal's time is over";
 }
 
-TEST_F(StopBetweenTwo, ThatNobodyHasAnsweredEndsTheNextStatementBeforeItBegins) {
+TEST_F(StopBetweenTwo, WithoutAnAnswerEndsTheNextStatementBeforeItBegins) {
   control.request(StopTier::abort, "by Ann", {"person", "Ann"});
   control.set_idle(false);
   EXPECT_EQ(control.tier(), StopTier::abort);
@@ -116,7 +116,7 @@ TEST_F(StopBetweenTwo, FindsNothingLeftOfTheStatementBefore) {
   control.begin_stopping();
   ASSERT_TRUE(control.since(StopTier::abort));
   control.set_idle(true);
-  EXPECT_FALSE(control.since(StopTier::stop)) << "a deadline that nobody can keep";
+  EXPECT_FALSE(control.since(StopTier::stop)) << "its deadlines are over";
   EXPECT_FALSE(control.since(StopTier::abort));
   EXPECT_EQ(control.tier(), StopTier::none) << "else the next signal would end the process";
   const RunStatus status = control.status();

@@ -45,7 +45,7 @@ export function newest(store, stream) {
 
 const kFresh = 1.5; // s: a row that is older is not of now
 
-/** The same where it is of now; null where nobody has told for a while, as when a loop has ended. Of a run that has ended: the last. */
+/** The same where it is of now; null where nothing was told for a while, as when a loop has ended. Of a run that has ended: the last. */
 export function present(store, stream) {
   const row = newest(store, stream);
   return row && (store.ended !== null || store.time - row.t <= kFresh) ? row : null;
