@@ -6,10 +6,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace vitreo {
@@ -57,7 +59,10 @@ TEST_F(StopBetweenTwo, IsAnsweredOnceWithTheSafeStateAndSaysWhyAndByWhom) {
   EXPECT_EQ(answered->failures, failures);
   EXPECT_EQ(control.failures(), failures) << "for the record's end";
   EXPECT_FALSE(control.take_answered()) << "told once";
+  const auto begun = std::chrono::steady_clock::now();
   control.request(StopTier::stop, "by Ben", {"person", "Ben"});
+  const auto since = control.between().since();
+  EXPECT_LE(*since, std::chrono::steady_clock::now() - begun) << "its time is its own";
   control.make_safe_between();
   EXPECT_EQ(made_safe, 2) << "each request has its own";
   EXPECT_EQ(control.take_answered()->reason, "by Ben");
@@ -73,6 +78,27 @@ TEST_F(StopBetweenTwo, OfSeveralTheFirstSaysWhyAndTheStrongestIsShown) {
   EXPECT_EQ(made_safe, 1);
   EXPECT_EQ(control.take_answered()->reason, "by Ann");
   EXPECT_EQ(to_string(control.status()), "ready");
+}
+
+TEST_F(StopBetweenTwo, IsSeenByTheFacesThatPoll) {
+  unsigned long before = control.changes();
+  const auto changes = [&] {
+    const unsigned long now = control.changes();
+    return std::exchange(before, now) != now;
+  };
+  control.request(StopTier::stop);
+  EXPECT_TRUE(changes());
+  control.request(StopTier::stop, "by Ann", {"person", "Ann"});
+  EXPECT_TRUE(changes());
+  control.request_by_signal(SIGTERM, 0, StopTier::stop);
+  EXPECT_TRUE(changes());
+  control.make_safe_between();
+  EXPECT_TRUE(changes());
+  control.set_idle(false);
+  EXPECT_TRUE(changes());
+  control.set_idle(true);
+  EXPECT_TRUE(changes());
+  EXPECT_FALSE(changes());
 }
 
 TEST_F(StopBetweenTwo, OfASignalSaysWhichOne) {
