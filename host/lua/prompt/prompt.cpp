@@ -179,7 +179,10 @@ void Prompt::make_safe_after_stop(std::size_t failed_before) {
 
 /// A stop that comes while no statement runs. False where it is to end the session.
 bool Prompt::answer_stop() {
-  script_.context().session->control.make_safe_between();
+  RunControl& control = script_.context().session->control;
+  // Lines that were sent before it: none of them begins behind it.
+  if (control.between().tier() != StopTier::none) in_.forget_ahead();
+  control.make_safe_between();
   return tell_stop();
 }
 
@@ -187,7 +190,6 @@ bool Prompt::tell_stop() {
   Session& session = *script_.context().session;
   const auto stop = session.control.take_answered();
   if (!stop) return true;
-  in_.forget_ahead();  // lines that were sent before it: none of them begins behind it
   const std::string text = "stopped " + stop->reason + "; " + rest_text(stop->failures);
   session.recorder.event(session.clock.now(), "stop", "between two statements: " + text);
   session.listener.message(text);
@@ -347,10 +349,14 @@ bool Prompt::read_line(std::string& line) {
     // line's.
     if (!tell_stop()) return false;
     if (read == LineEditor::Read::canceled) {
-      // The second Ctrl-C: the first has ended the statement, and there is no line to take back.
+      // The second Ctrl-C: the first has ended the statement, and there is no line to take back. It
+      // is answered at once, for what is typed from here on was typed after it.
       if (chunk_.empty() && line.empty() && session.rig.coils != nullptr &&
-          session.rig.coils->energized())
+          session.rig.coils->energized()) {
         session.control.request(StopTier::abort, "by the operator", {"person", "", "the terminal"});
+        session.control.make_safe_between();
+        tell_stop();
+      }
       forget();
       continue;
     }
