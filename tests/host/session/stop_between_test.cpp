@@ -173,7 +173,7 @@ TEST_F(StopBetweenTwo, OrInOneIsNotSafeBeforeTheThreadThatCameFirstIsThrough) {
 }
 
 TEST_F(StopBetweenTwo, IsNotLostWhileThePromptTurnsToAStatementAndBack) {
-  constexpr int kRequests = 2000;
+  constexpr int kRequests = 500;
   std::atomic<int> asked{0}, served{0};
   std::atomic<bool> ended{false};
   std::thread asker([&] {

@@ -44,6 +44,33 @@ TEST_F(Prompt, AStopEndsTheStatementOnly) {
   EXPECT_EQ(prompt("run:wait(10)\n1\n"), "stopped\n1\n");
 }
 
+TEST_F(Prompt, AStopByAnotherMakesSafeAndSaysWhatIsNot) {
+  std::vector<std::string> failures;
+  int made_safe = 0;
+  session.control.attach({[this] {
+                            engine->interrupt();
+                            clock->interrupt();
+                          },
+                          [&] {
+                            ++made_safe;
+                            return failures;
+                          }});
+  EXPECT_EQ(prompt("run:stop('enough')\n1\n"), "stopped\n1\n");
+  EXPECT_EQ(made_safe, 0) << "the script meant its statement";
+  for (const char* gone : {"", "coils: are gone"}) {
+    if (*gone != '\0') failures = {gone};
+    const auto hand = clock->spawn("hand", [this] {
+      clock->sleep_for(from_seconds(3));
+      session.control.request(StopTier::stop, "by Ann", {"person", "Ann"});
+    });
+    EXPECT_EQ(prompt("run:wait(10)\n1\n"), *gone != '\0'
+                                               ? "stopped by Ann; not safe: coils: are gone\n1\n"
+                                               : "stopped by Ann; the devices are safe\n1\n");
+  }
+  EXPECT_EQ(made_safe, 2);
+  session.control.detach();
+}
+
 TEST_F(Prompt, HelpComesFromTheBindings) {
   expect_all(prompt("help()\n"), {"servo: the servo loop", "run: this run", "units.mm"});
   expect_all(prompt("help('servo')\n"), {"servo:go_to(position, {speed, acceleration, within, "
