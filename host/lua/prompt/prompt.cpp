@@ -179,10 +179,9 @@ void Prompt::make_safe_after_stop(std::size_t failed_before) {
 
 /// A stop that comes while no statement runs. False where it is to end the session.
 bool Prompt::answer_stop() {
-  RunControl& control = script_.context().session->control;
-  // Lines that were sent before it: none of them begins behind it.
-  if (control.between().tier() != StopTier::none) in_.forget_ahead();
-  control.make_safe_between();
+  Session& session = *script_.context().session;
+  const StopShield shield(session.clock);
+  session.control.make_safe_between();
   return tell_stop();
 }
 
@@ -341,6 +340,8 @@ bool Prompt::read_line(std::string& line) {
         std::this_thread::sleep_for(kTurn);
     } catch (const Stopped&) {  // asked as its statement ended; it is answered here
     }
+    // Lines that were sent before it: none of them begins behind it.
+    if (session.control.between().tier() != StopTier::none) in_.forget_ahead();
     return answer_stop();
   };
   for (;;) {
@@ -354,8 +355,7 @@ bool Prompt::read_line(std::string& line) {
       if (chunk_.empty() && line.empty() && session.rig.coils != nullptr &&
           session.rig.coils->energized()) {
         session.control.request(StopTier::abort, "by the operator", {"person", "", "the terminal"});
-        session.control.make_safe_between();
-        tell_stop();
+        answer_stop();
       }
       forget();
       continue;
