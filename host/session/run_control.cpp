@@ -17,12 +17,6 @@ namespace {
 // The control that a signal handler on the script's thread acts on; one run at a time has it.
 std::atomic<RunControl*> the_control{nullptr};
 
-std::int64_t steady_now() noexcept {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
-
 /// The name of a process, from /proc/PID/comm; "" where it is gone. Async-signal-safe: open, read
 /// and close are, sprintf is not.
 void name_of_process(pid_t process, std::array<char, 16>& name) noexcept {
@@ -128,7 +122,8 @@ void RunControl::request(StopTier tier) noexcept {
   // A higher tier includes the lower ones; the first request of each starts its deadline.
   for (int i = 1; i <= static_cast<int>(tier); ++i) {
     std::int64_t never = 0;
-    requested_at_[static_cast<std::size_t>(i)].compare_exchange_strong(never, steady_now());
+    requested_at_[static_cast<std::size_t>(i)].compare_exchange_strong(never,
+                                                                       StopBetween::steady_now());
   }
   // Raised only: a lower request beside a higher one changes nothing.
   StopTier before = tier_;
@@ -395,7 +390,7 @@ void RunControl::wait_for_request(std::chrono::milliseconds patience) {
 std::optional<std::chrono::steady_clock::duration> RunControl::since(StopTier tier) const {
   const std::int64_t requested = requested_at_[static_cast<std::size_t>(tier)];
   if (requested == 0) return std::nullopt;
-  return std::chrono::nanoseconds(steady_now() - requested);
+  return std::chrono::nanoseconds(StopBetween::steady_now() - requested);
 }
 
 }  // namespace vitreo

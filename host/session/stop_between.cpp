@@ -4,15 +4,12 @@
 #include <utility>
 
 namespace vitreo {
-namespace {
 
-std::int64_t steady_now() noexcept {
+std::int64_t StopBetween::steady_now() noexcept {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(
              std::chrono::steady_clock::now().time_since_epoch())
       .count();
 }
-
-}  // namespace
 
 void StopBetween::ask(StopTier tier, int signal) noexcept {
   int none = 0;

@@ -35,6 +35,7 @@ class StopBetween {
   };
   /// Once, by whichever thread comes first.
   Asked take();
+  static std::int64_t steady_now() noexcept;  // ns, of the clock that requests are timed by
 
  private:
   std::atomic<StopTier> tier_{StopTier::none};
