@@ -23,7 +23,7 @@ const kPlaces = {
 kPlaces['2560x1440'] = Object.fromEntries(Object.entries(kPlaces['1920x1080']).map(([part, box]) => [part, box.map((v) => (v * 4) / 3)]));
 const kSays = {
   idle: /Nothing runs yet/, question: /How long is this eye/, alarm: /!!!.*0\.31 mm from the retina/, medium: /!!.*Coil 3 is warm/, lost: /was not seen for/,
-  ready: /The prompt waits for a statement/, left: /The prompt waits for a statement/, paused: /Paused.*Resume/, watching: /You watch.*Take control/, stopping: /Stopping.*STOP again: at once/, ended: /Coils 0 A, read back( 0\.18 s after STOP)?\./,
+  ready: /The prompt waits for a statement/, left: /The prompt waits for a statement/, paused: /Paused.*Resume/, watching: /You watch.*Take control/, stopping: /Stopping.*STOP again: at once/, ended: /Coils 0 A, read back( 0\.18 s after STOP)?\./, closed: /Coils 0 A, read back\./,
   choices: /Is the eye fixed.*yes.*no/, margin: /Click a place to send the robot there/,
   hot: /The coils are not at zero: 1\.20 A\. Switch them off by hand/, retina: /Click a place to send the robot there/, running: /Click a place to send the robot there/,
 };

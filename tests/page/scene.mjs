@@ -67,7 +67,7 @@ function retinaStreams(time, motion) {
   };
 }
 
-/** Each state: status over the usual one, streams' options, and what else the program would send. */
+/** Each state: status over the usual one, the phase before it, streams' options, and what else the program would send. */
 export const states = {
   running: {},
   idle: { quiet: true },
@@ -83,7 +83,8 @@ export const states = {
   stopping: { status: { phase: 'stopping' } },
   ready: { status: { phase: 'ready' } },
   left: { status: { phase: 'ready' }, later: 4 }, // s after the loop has told something for the last time
-  ended: { end: { ended: 'stopped: stopped by the operator', rest: kRead, report: '/report' }, stopped: true },
+  ended: { before: 'stop requested', status: { phase: 'stopping' }, end: { ended: 'stopped: stopped by the operator', rest: kRead, report: '/report' } },
+  closed: { before: 'stop requested', status: { phase: 'ready' }, end: { ended: 'completed', rest: kRead } }, // a prompt's session, long after a stop in it
   hot: { end: { ended: 'aborted: the amplifier did not answer', rest: { t: 61, text: 'coils NOT at zero: coil 3 carries 1.2 A, read back at 12:03:11.250', amperes: [0, 0, 1.2, 0, 0, 0, 0, 0] } } },
 };
 
@@ -169,7 +170,7 @@ export async function open(browser, folder, name, viewport, more = {}) {
     const lines = [];
     for (let i = 0; i < 50; ++i) lines.push({ kind: 'note', t: 40 + i * 0.3, text: `target ${i + 4}: -2.4 mm, 716 µm, ${-100 * i} µm` });
     lines.unshift({ kind: 'feedback', t: 2.1, text: 'law pd, feedback one_camera (top camera through the eye)' });
-    if (state.stopped) send({ time: kEnd, status: { ...status, phase: 'stop requested' } });
+    if (state.before) send({ time: kEnd, status: { ...status, phase: state.before } });
     send({ time: kEnd, cameras: ['side_camera', 'top_camera'], streams: streams(state.streams), lines, status: { ...status, ...state.status }, rest: null });
     if (state.retina) send({ time: kEnd, streams: retinaStreams(kEnd, kStill) });
     for (const bytes of pictures) socket.send(bytes);

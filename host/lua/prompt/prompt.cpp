@@ -65,10 +65,11 @@ class Prompt {
   PromptEnd end_;
 };
 
-/// What may be said of the devices after their safe state was asked for.
-std::string rest_text(const std::vector<std::string>& failures) {
-  return failures.empty() ? "the devices are safe"
-                          : fmt::format("not safe: {}", fmt::join(failures, "; "));
+/// What may be said of the devices after their safe state was asked for. Of the lamp too, for its
+/// safe state is no rest that one would expect: who goes on sees a dark picture.
+std::string rest_text(const std::vector<std::string>& failures, const Rig& rig) {
+  if (!failures.empty()) return fmt::format("not safe: {}", fmt::join(failures, "; "));
+  return rig.lamp == nullptr ? "the devices are safe" : "the devices are safe, the lamp is dark";
 }
 
 /// Lines are counted from the session's beginning, so that a function that was typed long ago can
@@ -174,7 +175,7 @@ void Prompt::make_safe_after_stop(std::size_t failed_before) {
   std::vector<std::string> failures = control.failures();
   failures.erase(failures.begin(), failures.begin() + static_cast<std::ptrdiff_t>(failed_before));
   out_ << (control.tier() == StopTier::stop ? "stopped " : "aborted ") << control.reason() << "; "
-       << rest_text(failures) << "\n";
+       << rest_text(failures, script_.context().session->rig) << "\n";
 }
 
 /// A stop that comes while no statement runs. False where it is to end the session.
@@ -189,7 +190,7 @@ bool Prompt::tell_stop() {
   Session& session = *script_.context().session;
   const auto stop = session.control.take_answered();
   if (!stop) return true;
-  const std::string text = "stopped " + stop->reason + "; " + rest_text(stop->failures);
+  const std::string text = "stopped " + stop->reason + "; " + rest_text(stop->failures, session.rig);
   session.recorder.event(session.clock.now(), "stop", "between two statements: " + text);
   session.listener.message(text);
   end_for(stop->reason, stop->cause);

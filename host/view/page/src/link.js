@@ -9,14 +9,14 @@ export function createStore() {
     hello: null,
     time: 0,
     status: {},
-    rest: null, // what is known of the coils after they were made safe: { t, text, amperes: [..] or null }
+    rest: null, // what is known of the coils after they were made safe: { t, text, amperes: [..] or null, after: s since STOP or null }
     cameras: [],
     streams: {}, // name: { channels: {name: index}, rows: [[t, ...], ...] }
     lines: [],
     depth: null, // that was asked for here, m, until the loop has it
     note: '', // what was refused, or done, last
     noted: 0, // when, ms of performance.now()
-    stopAsked: null, // s of the experiment
+    stopAsked: null, // s of the experiment; of the stop that goes on, or that ended the run
     lostAt: null, // when the connection was lost, ms of performance.now()
     where: null, // the newest answer to "where": { id, places: [[x, y, z] or null, ...] }
     report: null, // where the report is served after the end
@@ -63,10 +63,15 @@ function take(store, message) {
   if (message.time !== undefined) store.time = message.time;
   if (message.cameras) store.cameras = message.cameras;
   if (message.status) store.status = message.status;
-  if (store.stopAsked === null && /stop/.test(message.status?.phase ?? '')) store.stopAsked = store.time;
+  const stopping = /stop/.test(store.status.phase ?? '');
+  if (stopping) store.stopAsked ??= store.time;
   if (message.where) store.where = { id: message.id, places: message.where };
   if (message.report) store.report = message.report;
-  if (message.rest) store.rest = message.rest;
+  if (message.rest) {
+    const after = store.stopAsked === null ? null : message.rest.t - store.stopAsked;
+    store.rest = { ...message.rest, after: message.rest.t === store.rest?.t ? store.rest.after : after >= 0 ? after : null };
+  }
+  if (!stopping && store.ended === null) store.stopAsked = null; // a session goes on behind a stop
   for (const [name, part] of Object.entries(message.streams ?? {})) {
     const held = (store.streams[name] ??= { channels: {}, rows: [] });
     part.channels.forEach((channel, index) => (held.channels[channel] = index));

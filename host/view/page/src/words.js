@@ -80,7 +80,7 @@ export function restWords(store) {
   if (!rest) return null;
   const read = rest.amperes?.filter((value) => value !== null) ?? [];
   const most = read.reduce((largest, value) => Math.max(largest, Math.abs(value)), 0);
-  const after = store.stopAsked !== null && rest.t >= store.stopAsked ? ` ${(rest.t - store.stopAsked).toFixed(2)} s after STOP` : '';
+  const after = rest.after != null ? ` ${rest.after.toFixed(2)} s after STOP` : '';
   if (/NOT at zero/i.test(rest.text))
     return { zero: false, text: `The coils are not at zero: ${most.toFixed(2)} A. Switch them off by hand.`, detail: rest.text, short: `${most.toFixed(2)} A` };
   if (read.length === 0) return { zero: true, text: `Coils set to 0 A${after}.`, detail: rest.text, short: '0 A', how: 'coils, set; no read-back' };
