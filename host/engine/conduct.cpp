@@ -53,8 +53,10 @@ class FaceScope {
 class RecordingGuard {
  public:
   RecordingGuard(Recorder& recorder, RunControl& control) : recorder_(recorder) {
-    recorder_.on_fault(
-        [&control] { control.request(StopTier::stop, "because recording failed", {"recorder"}); });
+    recorder_.on_fault([&recorder, &control] {
+      control.request(StopTier::stop, "because recording failed: " + recorder.fault(),
+                      {"recorder"});
+    });
   }
   ~RecordingGuard() { recorder_.on_fault({}); }
   RecordingGuard(const RecordingGuard&) = delete;

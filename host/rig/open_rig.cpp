@@ -306,8 +306,13 @@ class ComposedRig final : public OpenRig {
   // A current or a light that is held must not go on unguarded; no set-point may come for long, so
   // the loss is watched for and not only met.
   void watch_guardian() {
-    while (!guardian_->lost()) clock_.sleep_for(kGuardianLook);
-    const std::string why = "the process that guards the outputs is gone";
+    for (std::string told;; clock_.sleep_for(kGuardianLook)) {
+      const std::string why = guardian_->trouble();
+      if (std::exchange(told, why) != why && !why.empty()) unguarded(why);
+    }
+  }
+
+  void unguarded(const std::string& why) {
     // What fails is in the trip's own text, and in what make_safe() reports at the run's end.
     const auto attempt = [](auto action) {
       try {

@@ -27,6 +27,7 @@ using namespace std::chrono_literals;
 using guardian::kBeat;
 
 constexpr int kPatience = 5;  // s, until it is ready
+constexpr auto kLeave = 2s;   // until it has left, when it is sent away
 // SCHED_RR priority of the thread of heartbeats: below the guardian's own 5.
 constexpr int kUrgent = 4;
 
@@ -237,31 +238,81 @@ std::string Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
 }
 
 // Armed means that the last zero was not taken by the amplifier: the guardian is told to bring it
-// about itself, since this process gives up its devices now.
+// about itself, since this process gives up its devices now. It then has work to do, and outlives
+// us; if somebody has stopped it, it is asked to go on.
 Guardian::~Guardian() {
   done_ = true;
   thread_.join();
   const bool unsure = !armed_.empty();
+  const bool silent = lost();
   say(unsure ? guardian::kQuitUnsure : guardian::kQuit);
   ::close(socket_);
-  if (!unsure) ::waitpid(process_, nullptr, 0);  // else it has work to do, and outlives us
+  if (unsure)
+    ::kill(process_, SIGCONT);
+  else
+    await_end(!silent);
 }
 
-/// Whether it was taken; one that is only slow has its packets kept by the kernel, for seconds.
+/// Everything is at zero, so that nothing is lost with one that does not leave.
+void Guardian::await_end(bool patiently) const {
+  const auto until = std::chrono::steady_clock::now() + (patiently ? kLeave : 0ms);
+  do {
+    if (::waitpid(process_, nullptr, WNOHANG) != 0) return;
+    std::this_thread::sleep_for(1ms);
+  } while (std::chrono::steady_clock::now() < until);
+  ::kill(process_, SIGKILL);
+  ::waitpid(process_, nullptr, 0);
+}
+
+/// Whether it was taken. The kernel keeps some hundred packets for one that does not take them.
 bool Guardian::say(char message) {
-  if (::send(socket_, &message, 1, MSG_NOSIGNAL | MSG_DONTWAIT) == 1) return true;
-  if (errno != EAGAIN && errno != EINTR) lost_ = true;
+  if (::send(socket_, &message, 1, MSG_NOSIGNAL | MSG_DONTWAIT) == 1) return ++owed_, true;
+  if (errno == EAGAIN)
+    unanswered_ = guardian::kUnanswered;
+  else
+    gone_ = true;
   return false;
 }
 
-// Idempotent, for it is called with each set-point: only the first one of a row sends. kArm is in
-// the kernel's queue, ahead of the current, when this returns.
+/// Takes what has come. Where something was owed and nothing came, the turn is one without an
+/// answer.
+void Guardian::listen() {
+  const bool owed = owed_ > 0;
+  bool heard = false;
+  for (char message = 0;;) {
+    const ssize_t size = ::recv(socket_, &message, 1, MSG_DONTWAIT);
+    if (size < 0 && (errno == EAGAIN || errno == EINTR)) break;
+    if (size <= 0) gone_ = true;  // its end is closed
+    if (size <= 0) break;
+    heard = true;
+    if (owed_ > 0) --owed_;
+  }
+  unanswered_ = owed && !heard ? std::min(unanswered_ + 1, guardian::kUnanswered) : 0;
+}
+
+/// Waits until nothing is owed any more; false when it is lost.
+bool Guardian::answers() {
+  while (owed_ > 0 && !lost()) {
+    pollfd end{socket_, POLLIN, 0};
+    if (::poll(&end, 1, static_cast<int>(kBeat.count())) >= 0) listen();  // a signal is no turn
+  }
+  return !lost();
+}
+
+std::string Guardian::trouble() const {
+  if (gone_) return "the process that guards the outputs is gone";
+  return lost() ? "the process that guards the outputs does not answer" : "";
+}
+
+// Idempotent, for it is called with each set-point: only the first one of a row sends. The guardian
+// has taken kArm, ahead of the current, when this returns. What it has not answered is taken back,
+// so that it waits for no heartbeat when it goes on.
 void Guardian::arm(const std::string& role) {
   const std::lock_guard lock(mutex_);
-  const bool first = armed_.empty();
-  if (!lost_ && (!first || say(guardian::kArm))) armed_.insert(role);
-  if (lost_ || !armed_.contains(role))
-    fail(DeviceErrorKind::lost, "the process that guards the outputs is gone, or does not listen");
+  if (armed_.empty() && !lost() && say(guardian::kArm) && !answers()) say(guardian::kDisarm);
+  if (lost())
+    fail(DeviceErrorKind::lost, trouble() + (gone_ ? "; only a new session has another" : ""));
+  armed_.insert(role);
 }
 
 void Guardian::disarm(const std::string& role) {
@@ -270,7 +321,8 @@ void Guardian::disarm(const std::string& role) {
 }
 
 // While armed, a host whose `healthy` is false sends no heartbeat and is killed like one that
-// hangs. Its end is noticed whether or not something is energized.
+// hangs. The guardian's end is noticed whether or not something is energized. To one that does not
+// answer nothing more is said: it would find it all when it goes on.
 // The lock makes one order of heartbeats and of arm() and disarm(): no heartbeat follows the last
 // disarm().
 void Guardian::beat() {
@@ -279,9 +331,8 @@ void Guardian::beat() {
   while (!done_) {
     std::this_thread::sleep_for(kBeat);
     const std::lock_guard lock(mutex_);
-    if (!armed_.empty() && healthy_()) say(guardian::kBeatMessage);
-    pollfd end{socket_, 0, 0};
-    if (::poll(&end, 1, 0) > 0 && (end.revents & (POLLHUP | POLLERR)) != 0) lost_ = true;
+    listen();
+    if (!armed_.empty() && !lost() && healthy_()) say(guardian::kBeatMessage);
   }
 }
 

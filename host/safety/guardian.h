@@ -33,13 +33,17 @@ class Guardian {
   Guardian(const Guardian&) = delete;
   Guardian& operator=(const Guardian&) = delete;
 
-  /// Before the output of `role` is energized; from here on the guardian waits for heartbeats.
-  /// Throws DeviceError{lost} when there is no guardian any more.
+  /// Before the output of `role` is energized; from here on the guardian waits for heartbeats. The
+  /// first of a row waits until it has answered, 0.1 s at most. Throws DeviceError{lost}, and is
+  /// not armed, where it is gone or does not answer.
   void arm(const std::string& role);
   /// That output is at zero; with the last of them the heartbeats end.
   void disarm(const std::string& role);
-  /// Any thread: it is gone, or does not listen, which shows within kBeat whatever the outputs do.
-  bool lost() const noexcept { return lost_; }
+  /// Any thread: it is gone, which shows within kBeat whatever the outputs do, or it does not
+  /// answer while it should, which may end.
+  bool lost() const noexcept { return gone_ || unanswered_ >= guardian::kUnanswered; }
+  /// "the process that guards the outputs is gone"; "" where it is not lost.
+  std::string trouble() const;
   pid_t process() const { return process_; }
   /// Whether it is in the host's control group: what kills that as a whole kills both.
   bool shares_group() const { return shares_group_; }
@@ -50,6 +54,9 @@ class Guardian {
   std::string hand_over(const std::vector<guardian::Output>& outputs);
   void give_up();
   bool say(char message);
+  void listen();
+  bool answers();
+  void await_end(bool patiently) const;
   void beat();
 
   const std::function<bool()> healthy_;
@@ -57,9 +64,11 @@ class Guardian {
   int socket_ = -1;
   pid_t process_ = -1;
   bool shares_group_ = false;
-  std::mutex mutex_;             // of what is said, and of armed_
-  std::set<std::string> armed_;  // roles whose outputs may be energized
-  std::atomic<bool> lost_{false};
+  std::mutex mutex_;                // of what is said and heard, of armed_ and owed_
+  std::set<std::string> armed_;     // roles whose outputs may be energized
+  int owed_ = 0;                    // acknowledgements
+  std::atomic<int> unanswered_{0};  // turns in a row in which one was owed and none came
+  std::atomic<bool> gone_{false};
   std::atomic<bool> done_{false};
   std::thread thread_;
 };

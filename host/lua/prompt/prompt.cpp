@@ -45,6 +45,7 @@ class Prompt {
   void make_safe_after_stop(std::size_t failed_before);
   bool answer_stop();
   bool tell_stop();
+  void tell_failed_loops(bool known);
   void end_for(const std::string& reason, const EndCause& cause);
   std::vector<StatedResult> stated_results();
   void show_results(int count);
@@ -62,6 +63,7 @@ class Prompt {
   std::vector<std::string> typed_;  // every line, its beginning
   int line_ = 0, chunk_line_ = 1;   // the newest of them; the chunk's first
   std::size_t read_ = 0;            // bytes that were compiled for this chunk
+  std::size_t seen_events_ = 0;     // of the record
   PromptEnd end_;
 };
 
@@ -190,11 +192,26 @@ bool Prompt::tell_stop() {
   Session& session = *script_.context().session;
   const auto stop = session.control.take_answered();
   if (!stop) return true;
-  const std::string text = "stopped " + stop->reason + "; " + rest_text(stop->failures, session.rig);
+  const std::string text =
+      "stopped " + stop->reason + "; " + rest_text(stop->failures, session.rig);
   session.recorder.event(session.clock.now(), "stop", "between two statements: " + text);
   session.listener.message(text);
   end_for(stop->reason, stop->cause);
   return end_.stopped.empty();
+}
+
+/// A loop that was left running has ended by itself: no call is there to throw that, and the robot
+/// is let go. `known`: the statement that has just ended told of it.
+void Prompt::tell_failed_loops(bool known) {
+  Session& session = *script_.context().session;
+  while (seen_events_ < session.recorder.events().size()) {
+    const Event event = session.recorder.events()[seen_events_++];
+    if (known || event.kind != "servo failed") continue;
+    const bool flows = session.rig.coils != nullptr && session.rig.coils->energized();
+    session.raise("servo", AlarmPriority::high,
+                  "the loop has ended: " + event.text +
+                      (flows ? "; the coils may be energized" : "; the coils are at zero"));
+  }
 }
 
 /// Who sends these wants the process gone: a service manager, a terminal that is closed.
@@ -212,6 +229,7 @@ void Prompt::execute() {
   context.last_result = {};
   bool stopped = false;
   const std::size_t failed_before = control.failures().size();
+  const auto errors_before = end_.failed;
   control.set_idle(false);
   try {
     show_results(script_.scheduler().run(0));
@@ -224,6 +242,7 @@ void Prompt::execute() {
   }
   end_nested();
   if (stopped) make_safe_after_stop(failed_before);
+  tell_failed_loops(end_.failed > errors_before);
   control.set_idle(true);
   script_.context().waits_end = kForever;
   context.interrupted = false;
@@ -343,6 +362,7 @@ bool Prompt::read_line(std::string& line) {
     }
     // Lines that were sent before it: none of them begins behind it.
     if (session.control.between().tier() != StopTier::none) in_.forget_ahead();
+    tell_failed_loops(false);
     return answer_stop();
   };
   for (;;) {

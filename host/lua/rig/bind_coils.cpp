@@ -52,13 +52,18 @@ int coils_info(Call& call) {
 }
 
 /// After a trip or a stop that was answered. Not while a stop is in force: what it took to zero
-/// stays there, also in what the script put off for its end.
+/// stays there, also in what the script put off for its end. Nor without a record: at the prompt a
+/// disk that is full stops what flows, and the session goes on.
 int coils_enable(Call& call) {
   Interlock& coils = call.self<Interlock>();
   Session& session = session_of(call.L);
   if (session.control.tier() != StopTier::none)
     throw DeviceError(DeviceErrorKind::refused, "coils",
                       "enable: the run is being stopped; the coils stay at zero");
+  if (const std::string fault = session.recorder.fault(); !fault.empty())
+    throw DeviceError(
+        DeviceErrorKind::refused, "coils",
+        "enable: nothing is recorded any more (" + fault + "); the coils stay at zero");
   if (coils.enabled()) return 0;
   session.recorder.event(session.clock.now(), "interlock enabled", coils.tripped());
   coils.enable();

@@ -17,11 +17,15 @@ constexpr int kSocket = 3;  // the guardian's end has this descriptor
 constexpr std::chrono::milliseconds kBeat{20};
 /// Without a heartbeat: then the host hangs. Ten periods, for a host that is only late.
 constexpr std::chrono::milliseconds kSilence{200};
+/// Turns of the host, kBeat each, without an acknowledgement that is owed: then the guardian does
+/// not answer. Turns and not a time: a machine that stood still as a whole had none.
+constexpr int kUnanswered = 5;
 constexpr std::size_t kLongest = 16384;  // bytes of a message
 
 // From the guardian.
 constexpr char kReady = 'R';        // and in a control group of its own, where that matters
 constexpr char kReadyShared = 'r';  // but in the host's control group: what kills that kills both
+constexpr char kPulse = 'p';        // to each kBeatMessage, kArm and kDisarm
 // From the host.
 constexpr char kBeatMessage = 'b';
 constexpr char kArm = 'a';         // something is about to be energized

@@ -71,6 +71,27 @@ TEST_F(Prompt, AStopByAnotherMakesSafeAndSaysWhatIsNot) {
   session.control.detach();
 }
 
+// Before 2026-11-30 nobody was told: the coils were at zero, and the next line found them so.
+TEST_F(Prompt, ALoopThatEndsByItselfIsAnAlarmUnlessTheStatementHasToldOfIt) {
+  const auto ends_at = [this](double seconds) {
+    return clock->spawn("loop", [this, seconds] {
+      clock->sleep_until(from_seconds(seconds));
+      recorder.event(clock->now(), "servo failed", "its pictures repeat");
+    });
+  };
+  const auto known = ends_at(3);
+  EXPECT_EQ(prompt("run:wait(10) error('the servo failed: its pictures repeat')\n1\n").back(),
+            '\n');
+  EXPECT_TRUE(session.alarms.shown().empty()) << "an error said so";
+  const auto unknown = ends_at(15);
+  EXPECT_EQ(prompt("run:wait(10)\n1\n"), "1\n");
+  ASSERT_EQ(session.alarms.shown().size(), 1U);
+  const Alarm alarm = session.alarms.shown()[0];
+  EXPECT_EQ(alarm.priority, AlarmPriority::high);
+  EXPECT_EQ(alarm.times, 1) << "once";
+  EXPECT_EQ(alarm.text, "the loop has ended: its pictures repeat; the coils are at zero");
+}
+
 TEST_F(Prompt, HelpComesFromTheBindings) {
   expect_all(prompt("help()\n"), {"servo: the servo loop", "run: this run", "units.mm"});
   expect_all(prompt("help('servo')\n"), {"servo:go_to(position, {speed, acceleration, within, "

@@ -144,7 +144,17 @@ Host::~Host() {
 }
 
 pid_t Host::guardian() const { return child_of(pid_, "vitreo_guardian"); }
-void Host::signal(int number) const { kill(pid_, number); }
+
+// kill() takes -1 for everybody.
+void Host::signal(int number) const {
+  if (pid_ > 0) kill(pid_, number);
+}
+
+void Host::signal_guardian(int number) const {
+  const pid_t its = guardian();
+  ASSERT_GT(its, 0) << "there is no guardian";
+  kill(its, number);
+}
 
 std::optional<int> Host::status() {
   int status = 0;
@@ -202,10 +212,40 @@ double GuardianTest::trial(Amplifier& amplifier, int first_signal, const char* s
   return zero ? zero->count() : 1e9;
 }
 
+int GuardianTest::exit_code(Host& host, Steady::duration patience) {
+  std::optional<int> status;
+  if (!time_until(patience, [&] { return (status = host.status()).has_value(); })) {
+    ADD_FAILURE() << "the host does not end: " << log();
+    return -1;
+  }
+  EXPECT_TRUE(WIFEXITED(*status)) << "signal " << WTERMSIG(*status) << ": " << log();
+  return WIFEXITED(*status) ? WEXITSTATUS(*status) : -1;
+}
+
+double GuardianTest::trial_of_frozen(Amplifier& amplifier, const char* script) {
+  const std::unique_ptr<Host> host = energize(amplifier, script);
+  if (host == nullptr) return 1e9;
+  const EndedAtLast guardian{host->guardian()};
+  std::this_thread::sleep_for(drawn(0, 0.05));
+  host->signal_guardian(SIGSTOP);
+  const auto zero = time_until(10s, [&] { return amplifier.output() < 1e-3; });
+  EXPECT_TRUE(zero) << log();
+  if (!zero) return 1e9;
+  EXPECT_FALSE(time_until(100ms, [&] { return amplifier.output() > 1e-3; })) << "energized again";
+  EXPECT_EQ(exit_code(*host, 5s), 4) << log();
+  EXPECT_FALSE(amplifier.enabled());
+  EXPECT_TRUE(time_until(1s, [&] { return has_ended(guardian.process); })) << "it is left behind";
+  return zero->count();
+}
+
 void GuardianTest::trials_of(Amplifier& amplifier, const char* name, int first_signal) {
+  trials_of(std::string(name) + ", " + (first_signal == SIGKILL ? "SIGKILL" : "SIGSTOP"),
+            [&] { return trial(amplifier, first_signal); });
+}
+
+void GuardianTest::trials_of(const std::string& name, const std::function<double()>& one) {
   std::vector<double> took;
-  for (int i = 0; i < trials() && !HasFailure(); ++i)
-    took.push_back(trial(amplifier, first_signal));
+  for (int i = 0; i < trials() && !HasFailure(); ++i) took.push_back(one());
   std::sort(took.begin(), took.end());
   if (took.empty()) return;
   const auto at = [&](double part) {
@@ -214,10 +254,13 @@ void GuardianTest::trials_of(Amplifier& amplifier, const char* name, int first_s
   };
   const auto late = std::count_if(took.begin(), took.end(), [](double ms) { return ms > 300; });
   std::printf(
-      "%s, %s: %zu; at zero after median %.0f ms, p90 %.0f, p99 %.0f, largest %.0f ms; %ld "
-      "beyond 300 ms\n",
-      name, first_signal == SIGKILL ? "SIGKILL" : "SIGSTOP", took.size(), at(0.5), at(0.9),
-      at(0.99), took.back(), static_cast<long>(late));
+      "%s: %zu; at zero after median %.0f ms, p90 %.0f, p99 %.0f, largest %.0f ms; %ld beyond "
+      "300 ms\n",
+      name.c_str(), took.size(), at(0.5), at(0.9), at(0.99), took.back(), static_cast<long>(late));
+}
+
+EndedAtLast::~EndedAtLast() {
+  if (process > 0 && !has_ended(process)) kill(process, SIGKILL);
 }
 
 ControlGroup::ControlGroup() {

@@ -8,6 +8,7 @@
 #include "devices/testbed/usb_testbed.h"
 #include "tests/devices/doubles/double_process.h"
 #include "tests/devices/links/real_end.h"
+#include "tests/host/safety/guardian/frozen.h"
 #include "tests/host/safety/held_protocol.h"
 
 #include <gtest/gtest.h>
@@ -119,6 +120,8 @@ class Host {
   Host& operator=(const Host&) = delete;
   pid_t guardian() const;
   void signal(int number) const;
+  /// To its guardian; a failure where there is none.
+  void signal_guardian(int number) const;
   /// Nothing while it lives.
   std::optional<int> status();
 
@@ -142,10 +145,23 @@ class GuardianTest : public ::testing::Test {
   double trial(Amplifier& amplifier, int first_signal, const char* script = kProtocol);
   /// Trials of that signal; prints how long they took.
   void trials_of(Amplifier& amplifier, const char* name, int first_signal);
+  /// The same, of another kind.
+  void trials_of(const std::string& name, const std::function<double()>& one);
+  /// From the freezing of the guardian until the output is at zero, ms; then the host ends by
+  /// itself.
+  double trial_of_frozen(Amplifier& amplifier, const char* script);
+  /// How it ended: by itself, within `patience`; else a failure, and -1.
+  int exit_code(Host& host, Steady::duration patience);
   Steady::duration drawn(double least, double most);  // s
 
   std::filesystem::path folder;
   std::mt19937 random{20261121};
+};
+
+/// What a test has frozen, or its host left behind, is ended with the test.
+struct EndedAtLast {
+  ~EndedAtLast();
+  const pid_t process;
 };
 
 /// A control group (version 2) in which this process, and what it starts, is while it lives.

@@ -118,7 +118,7 @@ TEST_F(GuardianTest, IsMissedWhileACurrentIsHeld) {
   Usb amplifier;
   const std::unique_ptr<Host> host = energize(amplifier, kHeld);
   ASSERT_NE(host, nullptr);
-  kill(host->guardian(), SIGKILL);
+  host->signal_guardian(SIGKILL);
   expect_end_at_zero(*host, amplifier, [this] { return log(); });
   EXPECT_TRUE(guardian_says("the process that guards the outputs is gone")) << log();
 }
@@ -127,8 +127,118 @@ TEST_F(GuardianTest, IsMissedWhileALightIsHeld) {
   Lamp3103 lamp;
   const std::unique_ptr<Host> host = energize(lamp, kHeld);
   ASSERT_NE(host, nullptr);
-  kill(host->guardian(), SIGKILL);
+  host->signal_guardian(SIGKILL);
   expect_end_at_zero(*host, lamp, [this] { return log(); });
+}
+
+TEST_F(GuardianTest, ThatIsFrozenWhileACurrentIsHeldEndsTheRun) {
+  Usb amplifier;
+  const std::unique_ptr<Host> host = energize(amplifier, kHeld);
+  ASSERT_NE(host, nullptr);
+  const EndedAtLast guardian{host->guardian()};
+  host->signal_guardian(SIGSTOP);
+  expect_end_at_zero(*host, amplifier, [this] { return log(); });
+  EXPECT_TRUE(guardian_says("the process that guards the outputs does not answer")) << log();
+  EXPECT_TRUE(time_until(1s, [&] { return has_ended(guardian.process); })) << "it is left behind";
+}
+
+TEST_F(GuardianTest, ThatIsFrozenWhileALightIsHeldEndsTheRun) {
+  Lamp3103 lamp;
+  const std::unique_ptr<Host> host = energize(lamp, kHeld);
+  ASSERT_NE(host, nullptr);
+  const EndedAtLast guardian{host->guardian()};
+  host->signal_guardian(SIGSTOP);
+  expect_end_at_zero(*host, lamp, [this] { return log(); });
+  EXPECT_TRUE(guardian_says("the process that guards the outputs does not answer")) << log();
+}
+
+// Of the two, a host whose set-points come all the time has more to notice it by.
+TEST_F(GuardianTest, ThatIsFrozenCostsAnAmplifierOnUsbItsCurrent) {
+  Usb amplifier;
+  int trial = 0;
+  trials_of("USB-3103, guardian frozen",
+            [&] { return trial_of_frozen(amplifier, trial++ % 2 == 0 ? kHeld : kProtocol); });
+}
+
+TEST_F(GuardianTest, ThatIsFrozenCostsAnAmplifierOnASerialLineItsCurrent) {
+  Kepco amplifier;
+  int trial = 0;
+  trials_of("BOP, guardian frozen",
+            [&] { return trial_of_frozen(amplifier, trial++ % 2 == 0 ? kHeld : kProtocol); });
+}
+
+constexpr const char* kLater = R"(
+local s = require("units").s
+return { title = "A current, after three seconds", needs = { "coils" }, parameters = {},
+  run = function(rig, p, run)
+    run:wait(3*s)
+    local currents = {}
+    for i = 1, #rig.coils:currents() do currents[i] = 1 end
+    rig.coils:set_currents(currents)
+    run:wait(3*s)
+  end }
+)";
+
+TEST_F(GuardianTest, ThatIsFrozenBeforeTheFirstCurrentLetsNoneFlow) {
+  Usb amplifier;
+  Host host(folder, amplifier.rig(), kLater);
+  ASSERT_TRUE(time_until(20s, [&] { return host.guardian() > 0; })) << log();
+  std::this_thread::sleep_for(1s);  // it is ready, and the amplifier is open
+  const EndedAtLast guardian{host.guardian()};
+  host.signal_guardian(SIGSTOP);
+  std::optional<int> status;
+  double most = 0;
+  time_until(20s, [&] {
+    most = std::max(most, amplifier.output());
+    return (status = host.status()).has_value();
+  });
+  EXPECT_LT(most, 1e-3) << "a current flowed without a guardian";
+  ASSERT_TRUE(status && WIFEXITED(*status)) << log();
+  EXPECT_TRUE(WEXITSTATUS(*status) == 1 || WEXITSTATUS(*status) == 4) << log();
+  EXPECT_TRUE(guardian_says("does not answer")) << log();
+}
+
+// What it then reads is old: of a host that was silent, it would seem.
+TEST_F(GuardianTest, ThatIsThawedTooLateNeitherKillsItsHostNorLetsTheOutputComeOnAgain) {
+  Usb amplifier;
+  for (const std::string when : {"at zero", "after a second", "after the end"}) {
+    const std::unique_ptr<Host> host = energize(amplifier, kHeld);
+    ASSERT_NE(host, nullptr);
+    const EndedAtLast guardian{host->guardian()};
+    const auto began = Steady::now();
+    Frozen frozen(guardian.process);
+    const auto zero = time_until(10s, [&] { return amplifier.output() < 1e-3; });
+    ASSERT_TRUE(zero) << when << ": " << log();
+    if (when == "after a second") std::this_thread::sleep_until(began + 1s);
+    if (when != "after the end") frozen.thaw();
+    EXPECT_EQ(exit_code(*host, 5s), 4) << when << ": " << log();
+    frozen.thaw();
+    EXPECT_FALSE(time_until(500ms, [&] { return amplifier.output() > 1e-3; })) << when;
+    EXPECT_FALSE(guardian_says("vitreo guardian: ")) << when << ": " << log();
+  }
+}
+
+// Also about the moment in which the host gives it up.
+TEST_F(GuardianTest, ThatIsFrozenForAWhileNeverKillsItsHost) {
+  Usb amplifier;
+  int on = 0, ended = 0;
+  for (int i = 0; i < trials() && !HasFailure(); ++i) {
+    const std::unique_ptr<Host> host = energize(amplifier, kHeld);
+    ASSERT_NE(host, nullptr);
+    const EndedAtLast guardian{host->guardian()};
+    {
+      const Frozen frozen(guardian.process);
+      std::this_thread::sleep_for(drawn(0, 0.4));
+    }
+    std::this_thread::sleep_for(400ms);
+    const bool goes_on = amplifier.output() > 0.4;
+    if (goes_on) host->signal(SIGINT);
+    ++(goes_on ? on : ended);
+    EXPECT_EQ(exit_code(*host, 20s), goes_on ? 3 : 4) << log();
+    EXPECT_LT(amplifier.output(), 1e-3);
+    EXPECT_FALSE(guardian_says("vitreo guardian: ")) << log();
+  }
+  std::printf("frozen for up to 0.4 s: %d runs went on, %d ended\n", on, ended);
 }
 
 // A supply that somebody switches off, or another program sets, while its current is held.

@@ -44,7 +44,7 @@ TEST_F(GuardianTest, IsMissedWhileACurrentOfALuaFileIsHeld) {
   Scripted amplifier(folder);
   const std::unique_ptr<Host> host = energize(amplifier, kHeld);
   ASSERT_NE(host, nullptr);
-  kill(host->guardian(), SIGKILL);
+  host->signal_guardian(SIGKILL);
   const auto zero = time_until(20s, [&] { return amplifier.output() < 1e-3; });
   ASSERT_TRUE(zero) << log();
   std::printf("at zero after %.0f ms\n", zero->count());
