@@ -68,7 +68,7 @@ end
 function retina.calibrate(rig, run, servo, options)
   local model = rig:model()
   local above = options.above or model.eye_in_world + vector(0, 0, 3.2 * mm) -- clear of the margin, upright in an unknown eye too
-  local trim = bring.sink(run, servo, above, { time = options.time })
+  local trim = bring.sink(run, servo, above)
   local from = run:now()
   run:wait(options.listen or 2 * s)
   local seen = ellipse_since(run, from)

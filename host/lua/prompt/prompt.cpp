@@ -32,7 +32,12 @@ enum class Loaded { yes, incomplete, no };
 class Prompt {
  public:
   Prompt(ScriptRun& script, LineEditor& in, std::ostream& out, std::ostream& err)
-      : script_(script), L_(script.main()), in_(in), out_(out), err_(err) {}
+      : script_(script),
+        L_(script.main()),
+        in_(in),
+        out_(out),
+        err_(err),
+        seen_events_(script.context().session->recorder.events().size()) {}
   PromptEnd run();
 
  private:
@@ -63,7 +68,7 @@ class Prompt {
   std::vector<std::string> typed_;  // every line, its beginning
   int line_ = 0, chunk_line_ = 1;   // the newest of them; the chunk's first
   std::size_t read_ = 0;            // bytes that were compiled for this chunk
-  std::size_t seen_events_ = 0;     // of the record
+  std::size_t seen_events_;         // of the record
   PromptEnd end_;
 };
 
