@@ -239,7 +239,7 @@ std::string Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
 
 // Armed means that the last zero was not taken by the amplifier: the guardian is told to bring it
 // about itself, since this process gives up its devices now. It then has work to do, and outlives
-// us; if somebody has stopped it, it is asked to go on.
+// us; where it was stopped, it is asked to go on.
 Guardian::~Guardian() {
   done_ = true;
   thread_.join();

@@ -43,7 +43,7 @@ std::string receive(int flags, bool& closed) {
   return bytes;
 }
 
-/// The host's proof that somebody watches it. One that finds no room is not missed: only a host
+/// The host's proof that it is watched. One that finds no room is not missed: only a host
 /// that reads nothing has none, and that is judged by its heartbeats.
 void acknowledge() { send(kSocket, &kPulse, 1, MSG_NOSIGNAL | MSG_DONTWAIT); }
 

@@ -21,9 +21,11 @@ namespace fs = std::filesystem;
 
 /// The laboratory as it is set up for a protocol: by the rig on which that runs by default.
 std::string laboratory_for(const ProtocolDescription& protocol) {
-  static const std::map<std::string, std::string> kSetUps{{"bare_sensor", "octomag_lab_focus"},
-                                                          {"fundus_scanner", "octomag_lab_fundus"},
-                                                          {"calibration", "octomag_lab_bench"}};
+  static const std::map<std::string, std::string> kSetUps{
+      {"bare_sensor", "octomag_lab_focus"},
+      {"fundus_scanner", "octomag_lab_fundus"},
+      {"microscope_target", "octomag_lab_bench"},
+      {"calibration", "octomag_lab_bench"}};
   const auto found = kSetUps.find(protocol.rig);
   return found == kSetUps.end() ? "octomag_lab" : found->second;
 }

@@ -71,7 +71,7 @@ TEST_F(Prompt, AStopByAnotherMakesSafeAndSaysWhatIsNot) {
   session.control.detach();
 }
 
-// Before 2026-11-30 nobody was told: the coils were at zero, and the next line found them so.
+// Before 2026-11-30 that was told to none: the coils were at zero, and the next line found them so.
 TEST_F(Prompt, ALoopThatEndsByItselfIsAnAlarmUnlessTheStatementHasToldOfIt) {
   const auto ends_at = [this](double seconds) {
     return clock->spawn("loop", [this, seconds] {
