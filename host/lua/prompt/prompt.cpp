@@ -211,8 +211,11 @@ void Prompt::tell_failed_loops(bool known) {
   Session& session = *script_.context().session;
   while (seen_events_ < session.recorder.events().size()) {
     const Event event = session.recorder.events()[seen_events_++];
-    if (known || event.kind != "servo failed") continue;
-    const bool flows = session.rig.coils != nullptr && session.rig.coils->energized();
+    const Interlock* const coils = session.rig.coils;
+    // A trip has an alarm of its own, and ends loops.
+    if (known || event.kind != "servo failed" || (coils != nullptr && !coils->tripped().empty()))
+      continue;
+    const bool flows = coils != nullptr && coils->energized();
     session.raise("servo", AlarmPriority::high,
                   "the loop has ended: " + event.text +
                       (flows ? "; the coils may be energized" : "; the coils are at zero"));

@@ -90,6 +90,11 @@ TEST_F(Prompt, ALoopThatEndsByItselfIsAnAlarmUnlessTheStatementHasToldOfIt) {
   EXPECT_EQ(alarm.priority, AlarmPriority::high);
   EXPECT_EQ(alarm.times, 1) << "once";
   EXPECT_EQ(alarm.text, "the loop has ended: its pictures repeat; the coils are at zero");
+  session.alarms.acknowledge("", "Ann");
+  interlock.trip("a limit");
+  const auto tripped = ends_at(25);
+  EXPECT_EQ(prompt("run:wait(10)\n1\n"), "1\n");
+  EXPECT_EQ(session.alarms.shown()[0].times, 1) << "the interlock has told of it";
 }
 
 TEST_F(Prompt, HelpComesFromTheBindings) {
