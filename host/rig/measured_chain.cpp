@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/measured_chain.h"
 
+#include "control/crossed_plates.h"
 #include "host/rig/bench_settings.h"
 #include "host/rig/rig_settings.h"
 
@@ -52,7 +53,9 @@ struct Numbers {
 
 /// In sigmas of before, as a ViewingChain counts.
 Numbers numbers_of(const json& file, const optics::NominalChain& nominal) {
-  const auto known = optics::chain_parameters(nominal, optics::ChainSigmas{});
+  optics::ChainSigmas all;
+  all.axis_turn = 1;  // of the sessions' own parameters
+  const auto known = optics::chain_parameters(nominal, all);
   const json& entries = file.at("parameters");
   const auto size = static_cast<Eigen::Index>(entries.size());
   Numbers found{{}, Eigen::VectorXd(size), Eigen::MatrixXd(size, size)};
@@ -129,7 +132,10 @@ std::shared_ptr<const MeasuredChain> read_measured_chain(const std::string& text
                          " than the rig has, and is not used");
       return nullptr;
     }
-    const optics::NominalChain nominal = nominal_chain(model);
+    optics::NominalChain nominal = nominal_chain(model);
+    // Files of before 2026-11-30 took plates for round.
+    if (file.at("about").value("plates", false))
+      nominal.plate_ratio = control::plate_ratio(model.robot);
     Numbers numbers = numbers_of(file, nominal);
     const std::string measured_eye = file.at("eye"), robot = file.at("about").at("robot");
     if (measured_eye != model.eye_id) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/localizer.h"
 
+#include "control/crossed_plates.h"
 #include "host/rig/measured_chain.h"
 #include "host/servo/believed_view.h"
 #include "optics/pose/equivalent_ellipse.h"
@@ -33,7 +34,7 @@ constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any ey
 
 /// The body whose outline the tracker sees.
 optics::ObjectModel body_of(const control::Robot& robot) {
-  const double thickness = plate_thickness(robot);
+  const double thickness = control::plate_thickness(robot);
   if (robot.shape == control::BodyShape::crossed_plates && thickness > 0)
     return optics::crossed_ellipsoids(robot.semi_axis, robot.semi_radius, thickness / 2);
   if (has_flat_ends(robot)) return optics::cylinder(robot.semi_axis, robot.semi_radius);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/robot_outline.h"
 
+#include "control/crossed_plates.h"
+
 #include <Eigen/Eigenvalues>
 
 #include <cmath>
@@ -34,12 +36,6 @@ Eigen::Matrix3d positive(const Eigen::Matrix3d& symmetric) {
 
 }  // namespace
 
-double plate_thickness(const control::Robot& robot) {
-  const double flat = 2 * M_PI * robot.semi_axis * robot.semi_radius;
-  const double root = flat * flat - 8 * robot.semi_axis * robot.solid_volume;
-  return root > 0 ? (flat - std::sqrt(root)) / (4 * robot.semi_axis) : 0;
-}
-
 bool has_flat_ends(const control::Robot& robot) {
   return !robot.helix &&
          (robot.shape == control::BodyShape::cylinder || robot.shape == control::BodyShape::disc);
@@ -50,7 +46,7 @@ std::optional<optics::ObjectModel> outlined_body(const control::Robot& robot) {
   switch (robot.shape) {
     case control::BodyShape::crossed_plates: {
       // Of two thin ellipsoids, as the localizer has them elsewhere (crossed_ellipsoids).
-      const double thickness = plate_thickness(robot);
+      const double thickness = control::plate_thickness(robot);
       if (!(thickness > 0)) return std::nullopt;
       return optics::crossed_plates(robot.semi_axis, robot.semi_radius, thickness, true);
     }

@@ -12,11 +12,6 @@
 
 namespace vitreo {
 
-/// m, of each of two crossed elliptical plates with the robot's outline and volume; 0 where its
-/// volume fills the outline. Two elliptical cylinders of pi a b t share a bar of 2 a t^2 along the
-/// axis: the smaller root of V = 2 pi a b t - 2 a t^2.
-double plate_thickness(const control::Robot& robot);
-
 /// Whether the robot is a cylinder or a disc, whose ellipse no spheroid of its size shows. A helix
 /// is not: for the optics it is the spheroid about it.
 bool has_flat_ends(const control::Robot& robot);

@@ -55,8 +55,12 @@ struct Linearized {
 
 std::optional<Linearized> linearize(const ViewingChain& chain, const RobotPlace& place,
                                     const OutlineSeen& seen, PositionFit fit) {
-  auto shown = differentiated_ellipse(chain, place);
+  RobotPlace turned = place;
+  turned.axis = chain.turned(place.axis);
+  auto shown = differentiated_ellipse(chain, turned);
   if (!shown) return std::nullopt;
+  shown->by_theta +=
+      shown->by_axis * (shown->across.transpose() * chain.turned_by_theta(place.axis));
   Linearized made{std::move(*shown), smooth_covariance(seen), {}};
   made.noise +=
       seen.axis_sigma * seen.axis_sigma * made.shown.by_axis * made.shown.by_axis.transpose();

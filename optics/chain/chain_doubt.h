@@ -50,9 +50,9 @@ struct PositionDoubt {
   Eigen::Matrix<double, 3, Eigen::Dynamic> by_theta;  // m per sigma of the parameter
 };
 
-/// At a position that was found, `place.position`. `touched`: where the robot lay on the retina, x
-/// and y. Nothing where the chain does not show the robot or a direction is not observed. Throws
-/// std::invalid_argument naming a bad covariance.
+/// At a position that was found, `place.position`, with the axis as it is believed. `touched`:
+/// where the robot lay on the retina, x and y. Nothing where the chain does not show the robot or a
+/// direction is not observed. Throws std::invalid_argument naming a bad covariance.
 std::optional<PositionDoubt> position_doubt(const ChainBelief& belief, const RobotPlace& place,
                                             const OutlineSeen& seen, PositionFit fit,
                                             const Eigen::Vector2d& touched = {0, 0});

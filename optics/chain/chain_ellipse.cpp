@@ -48,11 +48,43 @@ namespace {
 constexpr int kOutlinePoints = 12;
 constexpr int kDifferentiated = 6;  // of them, each second
 
+/// dx / dz and dy / dz of the line of sight through a point near a line, by that line's pixel, and
+/// what moves it.
+struct Slope {
+  Eigen::Vector2d value;
+  Eigen::Matrix2d by_place;  // 1/m, by the point's x and y
+};
+
+Slope slope_at(const Eigen::Vector3d& point, const LineDerivatives& near) {
+  const Eigen::Matrix2d by_place =
+      near.by_pixel.bottomRows<2>() * near.pixel_at(point.z()).inverse();
+  return {near.line.tail<2>() + by_place * (point.head<2>() - near.at(point.z())), by_place};
+}
+
+/// Of two crossed plates the one that is seen more nearly face-on makes the outline: that of a thin
+/// ellipsoid, narrower than a round body's by
+///   sqrt((c^2 + r^2 q^2) / (c^2 + q^2))
+/// with c and q the parts of the line of sight along its normal and its side, r its `ratio` of
+/// thickness and width.
+double width_factor(double ratio, const Eigen::Vector2d& slope, const Eigen::Vector3d& axis) {
+  if (ratio == 1) return 1;
+  const Eigen::Vector3d sight(slope.x(), slope.y(), 1);
+  const Eigen::Vector3d side =
+      (std::abs(axis.z()) < 0.99 ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX())
+          .cross(axis)
+          .normalized();
+  const double one = std::pow(sight.dot(axis.cross(side)), 2);
+  const double other = std::pow(sight.dot(side), 2);
+  const double c = std::max(one, other);
+  const double q = std::min(one, other);
+  return std::sqrt((c + ratio * ratio * q) / (c + q));
+}
+
 // By the parameters; the chain's robot is the believed one.
-Spheroid true_size(const ViewingChain& chain) {
+Spheroid true_size(const ViewingChain& chain, double narrower) {
   const Spheroid& robot = chain.nominal().robot;
   return {robot.semi_axis * chain.placed().robot_length,
-          robot.semi_radius * chain.placed().robot_width};
+          robot.semi_radius * chain.placed().robot_width * narrower};
 }
 
 /// (a^2 - b^2) / 2 over a + b is the half difference. `shape`: of a circle, px.
@@ -85,7 +117,8 @@ std::optional<Outlined> outline_of(const ViewingChain& chain, const RobotPlace& 
   if (!viewpoint) return std::nullopt;
   PoseSettings settings;
   settings.image = chain.nominal().image;
-  settings.robot = true_size(chain);
+  settings.robot = true_size(chain, width_factor(chain.nominal().plate_ratio,
+                                                 slope_at(place.position, near).value, place.axis));
   static const detail::Circle kCircle(kOutlinePoints);
   Outlined made{{}, {}, {chain, near, place.near_px, *viewpoint}};
   detail::Contour<double> contour;
@@ -117,8 +150,9 @@ std::optional<Centered> centered(const ViewingChain& chain, const RobotPlace& pl
   return Centered{{place.position, place.axis, *pixel_px}, *near};
 }
 
-/// d pixel / d (position, axis, theta) of a point of the body. The outline's points may be taken as
-/// fixed to the body: where they slide, they slide along the outline or along the line of sight.
+/// d pixel / d (position, axis, theta, ln width) of a point of the body. The outline's points may
+/// be taken as fixed to the body: where they slide, they slide along the outline or along the line
+/// of sight.
 Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlace& place,
                                       const Eigen::Matrix<double, 3, 2>& across,
                                       const Eigen::Vector3d& point, const LineDerivatives& line) {
@@ -127,13 +161,13 @@ Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlac
   // dp = G^-1 (dP_xy - s dz), as in ViewingChain::seen().
   Eigen::Matrix<double, 2, 3> by_point;
   by_point << inverse, -inverse * line.line.tail<2>();
-  Eigen::MatrixXd all(2, 5 + chain.size());
+  Eigen::MatrixXd all(2, 6 + chain.size());
   all.leftCols<3>() = by_point;
   for (int i = 0; i < 2; ++i)
     all.col(3 + i) = by_point * place.axis.cross(across.col(i)).cross(offset);
   Eigen::Matrix<double, 2, 4> of_line;
   of_line << -inverse, -point.z() * inverse;
-  all.rightCols(chain.size()) = chain.by_theta(line, of_line);
+  all.middleCols(5, chain.size()) = chain.by_theta(line, of_line);
   // A longer robot moves a point of its surface along the axis, a wider one across it, each by its
   // part of the offset from the center.
   const Eigen::Vector3d along = place.axis * place.axis.dot(offset);
@@ -143,6 +177,7 @@ Eigen::MatrixXd body_point_derivative(const ViewingChain& chain, const RobotPlac
   };
   grow(OwnParameter::robot_length, along, chain.placed().robot_length);
   grow(OwnParameter::robot_width, offset - along, chain.placed().robot_width);
+  all.rightCols<1>() = by_point * (offset - along);
   return all;
 }
 
@@ -156,7 +191,7 @@ std::optional<Eigen::MatrixXd> ellipse_derivative(const ViewingChain& chain,
                                                   const RobotPlace& place,
                                                   const Eigen::Matrix<double, 3, 2>& across,
                                                   const Outlined& made) {
-  const Eigen::Index columns = 5 + chain.size();
+  const Eigen::Index columns = 6 + chain.size();
   const Eigen::Matrix2d& S = made.circle.shape;
   const Eigen::Matrix2d to_circle = S.inverse();
   Eigen::MatrixXd means = Eigen::MatrixXd::Zero(5, columns);  // a1, b1, p, s, t
@@ -191,6 +226,35 @@ std::optional<Eigen::MatrixXd> ellipse_derivative(const ViewingChain& chain,
   return by;
 }
 
+/// What turns the line of sight about plates changes how wide they look. `by_width`: by ln width.
+void add_narrowing(const ViewingChain& chain, const RobotPlace& place, const LineDerivatives& near,
+                   const SmoothEllipseVector& by_width, ShownEllipse& shown) {
+  const double ratio = chain.nominal().plate_ratio;
+  if (ratio == 1) return;
+  const Slope slope = slope_at(place.position, near);
+  // Central differences of a smooth function of numbers of order 1.
+  constexpr double kStep = 1e-5;
+  const auto difference = [&](const Eigen::Vector2d& by_slope, const Eigen::Vector3d& by_axis) {
+    const auto at = [&](double step) {
+      return std::log(width_factor(ratio, slope.value + step * by_slope,
+                                   (place.axis + step * by_axis).normalized()));
+    };
+    return (at(kStep) - at(-kStep)) / (2 * kStep);
+  };
+  const Eigen::Vector3d still = Eigen::Vector3d::Zero();
+  const Eigen::RowVector2d by_slope(difference({1, 0}, still), difference({0, 1}, still));
+  for (int i = 0; i < 2; ++i)
+    shown.by_axis.col(i) += by_width * difference({0, 0}, shown.across.col(i));
+  // The line through a point that stays: its pixel moves against what moves the line there.
+  Eigen::Matrix<double, 2, 3> by_position;
+  by_position << slope.by_place, -slope.by_place * near.line.tail<2>();
+  shown.by_position += by_width * (by_slope * by_position);
+  const double z = place.position.z();
+  Eigen::Matrix<double, 2, 4> of_line;
+  of_line << -slope.by_place, Eigen::Matrix2d::Identity() - z * slope.by_place;
+  shown.by_theta += by_width * (by_slope * chain.by_theta(near, of_line));
+}
+
 }  // namespace
 
 Eigen::Matrix<double, 3, 2> directions_across(const Eigen::Vector3d& axis) {
@@ -222,7 +286,8 @@ std::optional<ShownEllipse> differentiated_ellipse(const ViewingChain& chain,
   if (!by) return std::nullopt;
   shown.by_position = by->leftCols<3>();
   shown.by_axis = by->middleCols<2>(3);
-  shown.by_theta = by->rightCols(chain.size());
+  shown.by_theta = by->middleCols(5, chain.size());
+  add_narrowing(chain, here->place, here->near, by->rightCols<1>(), shown);
   shown.by_position(2, 2) += chain.placed().dilation_slope;
   chain.add(OwnParameter::dilation, 1, shown.by_theta.row(2));
   chain.add(OwnParameter::dilation_slope, place.position.z() - detail::kDilationHeight,

@@ -32,7 +32,8 @@ struct RobotPlace {
   Eigen::Vector2d near_px;
 };
 
-/// The silhouette of the nominal spheroid, as large as the chain's parameters make it, seen from
+/// The silhouette of the nominal spheroid, or of two crossed plates that fill it (NominalChain), as
+/// large as the chain's parameters make it, seen from
 /// the point near which the lines past its center meet; the ellipse that a tracker fits to it, and
 /// the outline's dilation. Nothing where the chain does not show all of it.
 std::optional<SmoothEllipseVector> shown_ellipse(const ViewingChain& chain,

@@ -15,32 +15,33 @@ struct NamedSigma {
   const char* name;
   const char* unit;
   double ChainSigmas::*sigma;
-  bool two;  // one along x and one along y
+  const char* axes;  // one along, or about, each
   ChainPart part;
 };
 
 /// The retina counts as the eye's: it is what no image of the bench shows.
 constexpr NamedSigma kSigmas[] = {
-    {"axial_length", "m", &ChainSigmas::axial_length, false, ChainPart::eye},
-    {"inner_lens_tilt", "rad", &ChainSigmas::inner_lens_tilt, true, ChainPart::eye},
-    {"inner_lens_aside", "m", &ChainSigmas::inner_lens_aside, true, ChainPart::eye},
-    {"retina_depth", "m", &ChainSigmas::retina_depth, false, ChainPart::eye},
-    {"retina_tilt", "m", &ChainSigmas::retina_tilt, true, ChainPart::eye},
-    {"retina_curvature", "m", &ChainSigmas::retina_curvature, false, ChainPart::eye},
-    {"retina_astigmatism", "m", &ChainSigmas::retina_astigmatism, true, ChainPart::eye},
-    {"eye_rotation", "rad", &ChainSigmas::eye_rotation, true, ChainPart::calibration},
-    {"lens_axial", "m", &ChainSigmas::lens_axial, false, ChainPart::calibration},
-    {"lens_aside", "m", &ChainSigmas::lens_aside, true, ChainPart::calibration},
-    {"lens_tilt", "rad", &ChainSigmas::lens_tilt, true, ChainPart::calibration},
-    {"pupil_power", "1/m", &ChainSigmas::pupil_power, false, ChainPart::calibration},
-    {"microscope_tilt", "rad", &ChainSigmas::microscope_tilt, true, ChainPart::calibration},
-    {"object_plane", "m", &ChainSigmas::object_plane, false, ChainPart::calibration},
-    {"pixel", "", &ChainSigmas::pixel, false, ChainPart::calibration},
-    {"center", "m", &ChainSigmas::center, true, ChainPart::calibration},
-    {"robot_length", "", &ChainSigmas::robot_size, false, ChainPart::calibration},
-    {"robot_width", "", &ChainSigmas::robot_size, false, ChainPart::calibration},
-    {"dilation", "px", &ChainSigmas::dilation_px, false, ChainPart::calibration},
-    {"dilation_slope", "px/m", &ChainSigmas::dilation_slope, false, ChainPart::calibration},
+    {"axial_length", "m", &ChainSigmas::axial_length, "", ChainPart::eye},
+    {"inner_lens_tilt", "rad", &ChainSigmas::inner_lens_tilt, "xy", ChainPart::eye},
+    {"inner_lens_aside", "m", &ChainSigmas::inner_lens_aside, "xy", ChainPart::eye},
+    {"retina_depth", "m", &ChainSigmas::retina_depth, "", ChainPart::eye},
+    {"retina_tilt", "m", &ChainSigmas::retina_tilt, "xy", ChainPart::eye},
+    {"retina_curvature", "m", &ChainSigmas::retina_curvature, "", ChainPart::eye},
+    {"retina_astigmatism", "m", &ChainSigmas::retina_astigmatism, "xy", ChainPart::eye},
+    {"eye_rotation", "rad", &ChainSigmas::eye_rotation, "xy", ChainPart::calibration},
+    {"lens_axial", "m", &ChainSigmas::lens_axial, "", ChainPart::calibration},
+    {"lens_aside", "m", &ChainSigmas::lens_aside, "xy", ChainPart::calibration},
+    {"lens_tilt", "rad", &ChainSigmas::lens_tilt, "xy", ChainPart::calibration},
+    {"pupil_power", "1/m", &ChainSigmas::pupil_power, "", ChainPart::calibration},
+    {"microscope_tilt", "rad", &ChainSigmas::microscope_tilt, "xy", ChainPart::calibration},
+    {"object_plane", "m", &ChainSigmas::object_plane, "", ChainPart::calibration},
+    {"pixel", "", &ChainSigmas::pixel, "", ChainPart::calibration},
+    {"center", "m", &ChainSigmas::center, "xy", ChainPart::calibration},
+    {"robot_length", "", &ChainSigmas::robot_size, "", ChainPart::calibration},
+    {"robot_width", "", &ChainSigmas::robot_size, "", ChainPart::calibration},
+    {"dilation", "px", &ChainSigmas::dilation_px, "", ChainPart::calibration},
+    {"dilation_slope", "px/m", &ChainSigmas::dilation_slope, "", ChainPart::calibration},
+    {"axis_turn", "rad", &ChainSigmas::axis_turn, "xyz", ChainPart::calibration},
 };
 
 }  // namespace
@@ -71,8 +72,9 @@ std::vector<ChainParameter> chain_parameters(const NominalChain& nominal,
     const double sigma = sigmas.*one.sigma;
     if (!(sigma > 0)) continue;
     const std::string name = one.name;
-    all.push_back({one.two ? name + "_x" : name, one.unit, sigma, one.part});
-    if (one.two) all.push_back({name + "_y", one.unit, sigma, one.part});
+    if (*one.axes == '\0') all.push_back({name, one.unit, sigma, one.part});
+    for (const char* axis = one.axes; *axis != '\0'; ++axis)
+      all.push_back({name + "_" + *axis, one.unit, sigma, one.part});
   }
   return all;
 }

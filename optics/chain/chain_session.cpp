@@ -146,7 +146,13 @@ std::optional<ChainBlock> block_of(const ViewingChain& chain, const ChainLook& l
     ellipse = *shown;
   }
   block.residuals.head<5>() = root * (ellipse - smooth_from(look.seen.ellipse));
-  block.residuals.segment<2>(5) = turned / look.seen.axis_sigma;
+  // What is common to all looks is the chain's, what is left the look's own.
+  const Eigen::Matrix<double, 2, 3> to_own = directions_across(look.axis).transpose();
+  const Eigen::Vector2d common = to_own * (chain.turned(look.axis) - look.axis);
+  block.residuals.segment<2>(5) = (turned - common) / look.seen.axis_sigma;
+  if (derivatives)
+    block.by_theta.middleRows<2>(5) =
+        -to_own * chain.turned_by_theta(look.axis) / look.seen.axis_sigma;
   add_knowledge(chain, look, position, derivatives, block);
   return block;
 }
@@ -216,8 +222,9 @@ Eigen::MatrixXd information_of(const ChainBlock& block) {
 
 /// Gauss-Newton on the place alone; a step is halved while it does not lower the cost.
 std::optional<Eigen::Vector3d> locate_in_chain(const ViewingChain& chain, const OutlineSeen& seen,
-                                               const Eigen::Vector3d& axis,
+                                               const Eigen::Vector3d& believed_axis,
                                                const std::optional<Eigen::Vector3d>& start) {
+  const Eigen::Vector3d axis = chain.turned(believed_axis);
   const Eigen::Vector2d center = seen.ellipse.head<2>();
   const SmoothEllipseVector wanted = smooth_from(seen.ellipse);
   const auto begin = start ? start : place_by_size(chain, wanted, axis);

@@ -73,9 +73,9 @@ Eigen::MatrixXd information_of(const ChainBlock& block);
 
 /// The position that shows the ellipse, by a chain: minimizes the squares weighted by outline and
 /// axis, as PositionFit::weighted has it. With a start, from there, else from the depth where the
-/// size fits.
+/// size fits. The axis is where it is believed: the chain's own turn comes to it.
 std::optional<Eigen::Vector3d> locate_in_chain(
-    const ViewingChain& chain, const OutlineSeen& seen, const Eigen::Vector3d& axis,
+    const ViewingChain& chain, const OutlineSeen& seen, const Eigen::Vector3d& believed_axis,
     const std::optional<Eigen::Vector3d>& start = std::nullopt);
 
 }  // namespace vitreo::optics

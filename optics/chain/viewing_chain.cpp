@@ -26,7 +26,8 @@ constexpr double kStep = 1e-3;
 constexpr const char* kOwnNames[] = {
     "robot_length",         "robot_width",          "dilation",       "dilation_slope",
     "retina_depth",         "retina_tilt_x",        "retina_tilt_y",  "retina_curvature",
-    "retina_astigmatism_x", "retina_astigmatism_y", "eye_rotation_x", "eye_rotation_y"};
+    "retina_astigmatism_x", "retina_astigmatism_y", "eye_rotation_x", "eye_rotation_y",
+    "axis_turn_x",          "axis_turn_y",          "axis_turn_z"};
 
 /// (center - u, v - center): m over the pixel's width (ImageScale).
 Eigen::Vector2d image_point(const ImageScale& image, const Eigen::Vector2d& pixel_px) {
@@ -77,6 +78,34 @@ void ViewingChain::find_own() {
       if (parameters_[i].name == kOwnNames[k])
         own_[k] = {static_cast<Eigen::Index>(i), parameters_[i].sigma};
   }
+}
+
+// In the order of OwnParameter.
+constexpr std::array kTurns{OwnParameter::axis_turn_x, OwnParameter::axis_turn_y,
+                            OwnParameter::axis_turn_z};
+
+Eigen::Vector3d ViewingChain::turned(const Eigen::Vector3d& axis) const {
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+  for (int i = 0; i < 3; ++i) {
+    const Own& one = own(kTurns[static_cast<std::size_t>(i)]);
+    if (one.at >= 0) turn[i] = one.sigma * theta_[one.at];
+  }
+  return (axis + turn.cross(axis)).normalized();
+}
+
+Eigen::Matrix<double, 3, Eigen::Dynamic> ViewingChain::turned_by_theta(
+    const Eigen::Vector3d& axis) const {
+  Eigen::Matrix<double, 3, Eigen::Dynamic> by =
+      Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, size());
+  // d (a / |a|) = (1 - u u') da / |a|; |a| is 1 to second order of the turn.
+  const Eigen::Vector3d u = turned(axis);
+  for (int i = 0; i < 3; ++i) {
+    const Own& one = own(kTurns[static_cast<std::size_t>(i)]);
+    if (one.at < 0) continue;
+    const Eigen::Vector3d moved = one.sigma * Eigen::Vector3d::Unit(i).cross(axis);
+    by.col(one.at) = moved - u * u.dot(moved);
+  }
+  return by;
 }
 
 /// Against the light, from the pixel inwards.

@@ -53,7 +53,10 @@ enum class OwnParameter {
   retina_astigmatism_x,
   retina_astigmatism_y,
   eye_rotation_x,
-  eye_rotation_y
+  eye_rotation_y,
+  axis_turn_x,
+  axis_turn_y,
+  axis_turn_z
 };
 
 /// The chain linearized in its parameters about theta. Lines are those of the refracting surfaces,
@@ -80,6 +83,10 @@ class ViewingChain {
   void add(OwnParameter which, double by, Row&& to) const {
     if (own(which).at >= 0) to[own(which).at] += by * own(which).sigma;
   }
+  /// The robot's axis where it is believed to be `axis`, both unit: turned as all looks' are.
+  Eigen::Vector3d turned(const Eigen::Vector3d& axis) const;
+  /// d turned(axis) / d theta: across the axis, to first order in the turn.
+  Eigen::Matrix<double, 3, Eigen::Dynamic> turned_by_theta(const Eigen::Vector3d& axis) const;
   /// The parameters of the eye come first.
   Eigen::Index eye_size() const { return eye_size_; }
 
@@ -102,7 +109,7 @@ class ViewingChain {
   NominalChain nominal_;
   std::vector<ChainParameter> parameters_;
   Eigen::VectorXd theta_;
-  std::array<Own, 12> own_{};
+  std::array<Own, 15> own_{};
   Eigen::Index eye_size_ = 0;
   detail::PlacedChain placed_;
   std::vector<detail::ChainStep<double>> steps_;  // of the surfaces, from the vitreous outwards

@@ -39,6 +39,7 @@ int make_chain(Call& call) {
   if (!(body.ellipsoid() && body.round_about_z()))
     throw std::invalid_argument("shape: wants a spheroid");
   nominal.robot = {body.semi_axes.z(), body.semi_axes.x()};
+  nominal.plate_ratio = call.number_option("plate_ratio").value_or(nominal.plate_ratio);
   const optics::ChainSigmas sigmas = chain_calls::sigmas_option(call);
   push_handle(
       call.L, viewing_chain_class(),
@@ -251,6 +252,9 @@ std::vector<Binding> system_chain_rows() {
   return {{"viewing_chain",
            {options_of({microscope_argument(),
                         localizer_calls::body_argument(),
+                        number_option("plate_ratio", "", 1e-3, 1,
+                                      "thickness over width of two crossed plates, one of them "
+                                      "level, that fill it (1: it is round)"),
                         length_option("pixel", 1e-9, 1e-3, "of aerial image (14.3 µm)"),
                         {.name = "center",
                          .type = Type::numbers,

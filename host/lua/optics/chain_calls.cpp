@@ -43,6 +43,8 @@ constexpr SigmaKey kSigmaKeys[] = {
     {"dilation_px", "", &optics::ChainSigmas::dilation_px, 10, "px, of every outline (0.1)"},
     {"dilation_slope", "", &optics::ChainSigmas::dilation_slope, 1e4,
      "px per m of height (28.6: 0.1 px in 3.5 mm)"},
+    {"axis_turn", "rad", &optics::ChainSigmas::axis_turn, 0.3,
+     "of the robot's axis about x, y and z, alike in all looks (0)"},
     {"retina_depth", "m", &optics::ChainSigmas::retina_depth, 5e-3, "(0.3 mm)"},
     {"retina_tilt", "m", &optics::ChainSigmas::retina_tilt, 5e-3, "4 mm from the axis (0.1 mm)"},
     {"retina_curvature", "m", &optics::ChainSigmas::retina_curvature, 5e-3, "there (0.15 mm)"},

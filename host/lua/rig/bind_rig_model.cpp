@@ -1,5 +1,6 @@
 // Bindings of the rig's model: its eye and its view as the loop believes them.
 // SPDX-License-Identifier: Apache-2.0
+#include "control/crossed_plates.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/optics/bind_optics.h"
 #include "host/lua/optics/classes.h"
@@ -100,7 +101,8 @@ int rig_model(Call& call) {
              [&](ResultTable& robot) {
                robot.text("shape", has_flat_ends(model.robot) ? "cylinder" : "spheroid")
                    .number("half_length", model.robot.semi_axis, "m")
-                   .number("radius", model.robot.semi_radius, "m");
+                   .number("radius", model.robot.semi_radius, "m")
+                   .number("plate_ratio", control::plate_ratio(model.robot));
              })
       .table("identified",
              [&](ResultTable& robot) {
@@ -149,7 +151,10 @@ Returned model_fields() {
            {"robot",
             "",
             "a body, as the localizer takes it",
-            {{"shape", "", ""}, {"half_length", "m", ""}, {"radius", "m", ""}}},
+            {{"shape", "", ""},
+             {"half_length", "m", ""},
+             {"radius", "m", ""},
+             {"plate_ratio", "", "thickness over width of its crossed plates; 1: it is round"}}},
            {"identified",
             "",
             "of the robot, by calibrate_robot: factors of what outline and volume say",

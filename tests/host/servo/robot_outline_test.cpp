@@ -62,7 +62,7 @@ optics::ObjectPoseSettings settings_of(const RigModel& model) {
 }
 
 TEST(RobotOutline, IsThatOfTheRobotsShapeAndNoneWhereAnEllipseWillDo) {
-  EXPECT_NEAR(plate_thickness(control::coni_2mm()), 42e-6, 1e-6);  // docs/simulated_laboratory.md
+  EXPECT_NEAR(control::plate_thickness(control::coni_2mm()), 42e-6, 1e-6);  // docs/simulated_laboratory.md
   const auto plates = outlined_body(control::coni_2mm());
   ASSERT_TRUE(plates);
   EXPECT_EQ(plates->parts.size(), 2u);
@@ -148,7 +148,7 @@ class SeenAskew {
     if (has_flat_ends(model_.robot))
       look.solid = sim::Solid::cylinder;
     else
-      look.plate_thickness = plate_thickness(model_.robot);
+      look.plate_thickness = control::plate_thickness(model_.robot);
     look.specular = 0.05;
     const sim::BodyState body{at, attitude.col(2), model_.robot.semi_axis, model_.robot.semi_radius,
                               attitude.col(0)};
