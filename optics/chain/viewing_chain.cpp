@@ -84,26 +84,33 @@ void ViewingChain::find_own() {
 constexpr std::array kTurns{OwnParameter::axis_turn_x, OwnParameter::axis_turn_y,
                             OwnParameter::axis_turn_z};
 
-Eigen::Vector3d ViewingChain::turned(const Eigen::Vector3d& axis) const {
+/// a + turn x a, which is longer than a by half the turn's square.
+Eigen::Vector3d ViewingChain::moved(const Eigen::Vector3d& axis) const {
   Eigen::Vector3d turn = Eigen::Vector3d::Zero();
-  for (int i = 0; i < 3; ++i) {
-    const Own& one = own(kTurns[static_cast<std::size_t>(i)]);
-    if (one.at >= 0) turn[i] = one.sigma * theta_[one.at];
+  for (std::size_t i = 0; i < kTurns.size(); ++i) {
+    const Own& one = own(kTurns[i]);
+    if (one.at >= 0) turn[static_cast<Eigen::Index>(i)] = one.sigma * theta_[one.at];
   }
-  return (axis + turn.cross(axis)).normalized();
+  return axis + turn.cross(axis);
+}
+
+Eigen::Vector3d ViewingChain::turned(const Eigen::Vector3d& axis) const {
+  return moved(axis).normalized();
 }
 
 Eigen::Matrix<double, 3, Eigen::Dynamic> ViewingChain::turned_by_theta(
     const Eigen::Vector3d& axis) const {
   Eigen::Matrix<double, 3, Eigen::Dynamic> by =
       Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, size());
-  // d (a / |a|) = (1 - u u') da / |a|; |a| is 1 to second order of the turn.
-  const Eigen::Vector3d u = turned(axis);
-  for (int i = 0; i < 3; ++i) {
-    const Own& one = own(kTurns[static_cast<std::size_t>(i)]);
+  const Eigen::Vector3d a = moved(axis);
+  const Eigen::Vector3d u = a.normalized();
+  for (std::size_t i = 0; i < kTurns.size(); ++i) {
+    const Own& one = own(kTurns[i]);
     if (one.at < 0) continue;
-    const Eigen::Vector3d moved = one.sigma * Eigen::Vector3d::Unit(i).cross(axis);
-    by.col(one.at) = moved - u * u.dot(moved);
+    // d (a / |a|) = (1 - u u') da / |a|
+    const Eigen::Vector3d by_turn =
+        one.sigma * Eigen::Vector3d::Unit(static_cast<Eigen::Index>(i)).cross(axis);
+    by.col(one.at) = (by_turn - u * u.dot(by_turn)) / a.norm();
   }
   return by;
 }

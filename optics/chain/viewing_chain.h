@@ -85,7 +85,7 @@ class ViewingChain {
   }
   /// The robot's axis where it is believed to be `axis`, both unit: turned as all looks' are.
   Eigen::Vector3d turned(const Eigen::Vector3d& axis) const;
-  /// d turned(axis) / d theta: across the axis, to first order in the turn.
+  /// d turned(axis) / d theta: across the axis.
   Eigen::Matrix<double, 3, Eigen::Dynamic> turned_by_theta(const Eigen::Vector3d& axis) const;
   /// The parameters of the eye come first.
   Eigen::Index eye_size() const { return eye_size_; }
@@ -106,6 +106,7 @@ class ViewingChain {
 
  private:
   void find_own();
+  Eigen::Vector3d moved(const Eigen::Vector3d& axis) const;
   NominalChain nominal_;
   std::vector<ChainParameter> parameters_;
   Eigen::VectorXd theta_;
