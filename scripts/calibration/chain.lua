@@ -13,9 +13,8 @@ local chain = {}
 chain.contour_sigma = 0.15
 local least_factor = 1 / 3
 
---- rad, about each axis: by how much coils that are not measured turn the field, alike wherever the robot is (3 % of gain, 1.5
---- degrees and 1.2 mm a coil: 2.1 degrees in the mean of a session, 1.1 degrees about that; docs/chain.md). What is left is a look's
---- own, axis_sigma.
+--- rad, about each axis: by how much coils that are not measured turn the field, alike wherever the robot is: 2.1 degrees in the
+--- mean of a session, and 1.1 about that (docs/chain.md). What is left is a look's own, axis_sigma.
 chain.axis_turn = 2.5 * units.deg
 
 --- m, of the plane in focus of a microscope that was focused by eye.
@@ -30,7 +29,7 @@ function chain.believed(rig)
     body = { shape = "spheroid", half_length = model.robot.half_length, radius = model.robot.radius },
     pixel = model.pixel,
     center = model.center_px,
-    plate_ratio = model.robot.plate_ratio,
+    plate_ratio = model.robot_plate_ratio,
     uncertainty = { axis_turn = chain.axis_turn },
   }
 end
@@ -255,7 +254,7 @@ function chain.install(rig, run, made, touched)
   local about = {
     eye = model.eye_name,
     robot = model.robot_name,
-    plates = model.robot.plate_ratio < 1,
+    plates = model.robot_plate_ratio < 1,
     pixel = model.pixel,
     center = { model.center_px[1], model.center_px[2] },
     pupil_power = distance and 1 / distance or 0,

@@ -101,8 +101,7 @@ int rig_model(Call& call) {
              [&](ResultTable& robot) {
                robot.text("shape", has_flat_ends(model.robot) ? "cylinder" : "spheroid")
                    .number("half_length", model.robot.semi_axis, "m")
-                   .number("radius", model.robot.semi_radius, "m")
-                   .number("plate_ratio", control::plate_ratio(model.robot));
+                   .number("radius", model.robot.semi_radius, "m");
              })
       .table("identified",
              [&](ResultTable& robot) {
@@ -120,10 +119,21 @@ int rig_model(Call& call) {
       .text("eye_id", model.eye_id)
       .text("robot_name", model.robot.name)
       .text("robot_moves_by", moves_by(model.robot))
+      .number("robot_plate_ratio", control::plate_ratio(model.robot))
       .text("focus_axis", model.focus_axis)
       .number("command_delay", model.command_delay, "s")
       .number("command_bandwidth", model.command_bandwidth, "Hz");
   return 1;
+}
+
+ResultField identified_fields() {
+  return {"identified",
+          "",
+          "of the robot, by calibrate_robot: factors of what outline and volume say",
+          {{"drag_along", "", ""},
+           {"drag_across", "", ""},
+           {"moment", "", ""},
+           {"hard", "", "whether it is a permanent magnet"}}};
 }
 
 /// `robot` has the fields of a body, to be given to localizer and optical_system as it is.
@@ -151,17 +161,8 @@ Returned model_fields() {
            {"robot",
             "",
             "a body, as the localizer takes it",
-            {{"shape", "", ""},
-             {"half_length", "m", ""},
-             {"radius", "m", ""},
-             {"plate_ratio", "", "thickness over width of its crossed plates; 1: it is round"}}},
-           {"identified",
-            "",
-            "of the robot, by calibrate_robot: factors of what outline and volume say",
-            {{"drag_along", "", ""},
-             {"drag_across", "", ""},
-             {"moment", "", ""},
-             {"hard", "", "whether it is a permanent magnet"}}},
+            {{"shape", "", ""}, {"half_length", "m", ""}, {"radius", "m", ""}}},
+           identified_fields(),
            uncertainty_fields(),
            {"plain_view", "", "whether the top camera looks without an eye"},
            {"eye_name", "", "of the prescription that it believes"},
@@ -169,6 +170,7 @@ Returned model_fields() {
            {"robot_name", "", ""},
            {"robot_moves_by", "",
             "\"gradient\"; or by a field that turns (\"helix\"), that oscillates (\"tail\")"},
+           {"robot_plate_ratio", "", "thickness over width of its crossed plates; 1: round"},
            {"focus_axis", "", "name of the stage's axis that moves the sensor along the light"},
            {"command_delay", "s", "of the coils"},
            {"command_bandwidth", "Hz", "of the coils"}}};

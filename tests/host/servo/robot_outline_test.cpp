@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/robot_outline.h"
 
+#include "control/crossed_plates.h"
 #include "control/robots.h"
 #include "devices/sim/renderer.h"
 #include "host/servo/believed_view.h"
@@ -62,7 +63,8 @@ optics::ObjectPoseSettings settings_of(const RigModel& model) {
 }
 
 TEST(RobotOutline, IsThatOfTheRobotsShapeAndNoneWhereAnEllipseWillDo) {
-  EXPECT_NEAR(control::plate_thickness(control::coni_2mm()), 42e-6, 1e-6);  // docs/simulated_laboratory.md
+  EXPECT_NEAR(control::plate_thickness(control::coni_2mm()), 42e-6,
+              1e-6);  // docs/simulated_laboratory.md
   const auto plates = outlined_body(control::coni_2mm());
   ASSERT_TRUE(plates);
   EXPECT_EQ(plates->parts.size(), 2u);
