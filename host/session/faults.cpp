@@ -194,6 +194,8 @@ void FaultInjector::set_imaging(sim::ImagingFaults& imaging, const Fault& fault,
 /// time.
 void FaultInjector::fill_disk() {
   using namespace std::chrono_literals;
+  // At a prompt that stands idle there is no script to be reached; it answers by itself.
+  if (context_.control.status().phase == RunPhase::ready) return;
   const auto until = std::chrono::steady_clock::now() + 5s;
   while ((context_.recorder.fault().empty() || context_.control.tier() == StopTier::none) &&
          std::chrono::steady_clock::now() < until)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/records/measured_bench.h"
 
+#include "control/crossed_plates.h"
 #include "host/rig/measured_chain.h"
 #include "host/servo/robot_eye.h"
 #include "host/servo/view_doubt.h"
@@ -87,9 +88,14 @@ std::optional<std::string> measured_file(DrawnBench& bench, int places, std::uin
   const RigModel& model = bench.model();
   optics::ChainSession session = session_of(bench, places, seed);
   if (session.looks.size() < 10) return std::nullopt;
+  // As scripts/calibration/chain.lua believes it.
+  optics::NominalChain nominal = nominal_chain(model);
+  nominal.plate_ratio = control::plate_ratio(model.robot);
+  optics::ChainSigmas sigmas;
+  sigmas.axis_turn = 0.044;  // rad
   const auto estimated = [&](double factor) {
     for (auto& look : session.looks) look.seen.contour_sigma_px = factor * kContour;
-    return optics::estimate_chain(nominal_chain(model), {}, session);
+    return optics::estimate_chain(nominal, sigmas, session);
   };
   optics::ChainEstimate made = estimated(1);
   double outline = 1;
@@ -102,6 +108,7 @@ std::optional<std::string> measured_file(DrawnBench& bench, int places, std::uin
       {"eye", model.eye_id}, {"touched", false}, {"outline_px", outline * kContour}};
   file["about"] = {{"eye", model.eye_name},
                    {"robot", model.robot.name},
+                   {"plates", nominal.plate_ratio < 1},
                    {"pixel", model.top_image.pixel},
                    {"center", {model.top_image.center_px.x(), model.top_image.center_px.y()}},
                    {"pupil_power", 0},
