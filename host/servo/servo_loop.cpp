@@ -180,6 +180,12 @@ void Servo::Loop::view_moved(const Eigen::Vector3d& by) {
   walls.forget();
 }
 
+/// A robot that may touch lies on what it touches as if something held it: as long as it may be
+/// there, for all that is known of where the view has it.
+bool Servo::Loop::beside_a_wall(const control::WallClearance& wall) const {
+  return (may_touch ? wall.bound() : wall.distance) <= kFree;
+}
+
 void Servo::Loop::watch_plant(const Frame& frame, double now, const Observation& observation,
                               const ControlStep& step) {
   if (settings.law != ControlLaw::pd && settings.law != ControlLaw::estimator) return;
@@ -191,7 +197,7 @@ void Servo::Loop::watch_plant(const Frame& frame, double now, const Observation&
                                       : PairedView::Place::passed_over;
   if (let_go || place == PairedView::Place::begins_anew ||
       constant != std::exchange(was_constant, constant) ||
-      (status.clearance && status.clearance->nearest().distance <= kFree))
+      (status.clearance && beside_a_wall(status.clearance->nearest())))
     plant.forget();
   else if (status.clearance && place == PairedView::Place::taken)
     plant.measured(to_seconds(frame.exposed), *observation.position, observation.noise(),

@@ -61,6 +61,7 @@ struct Servo::Loop {
   /// Amplifiers and coils, by what the robot does. Not by the laws for media that the model does
   /// not know, nor beside a wall, where contact holds the robot.
   void view_moved(const Eigen::Vector3d& by);
+  bool beside_a_wall(const control::WallClearance& wall) const;
   void watch_plant(const Frame& frame, double now, const Observation& observation,
                    const ControlStep& step);
   void look_at_walls(const Observation& observation);

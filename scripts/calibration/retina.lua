@@ -68,9 +68,7 @@ end
 function retina.calibrate(rig, run, servo, options)
   local model = rig:model()
   local above = options.above or model.eye_in_world + vector(0, 0, 3.2 * mm) -- clear of the margin, upright in an unknown eye too
-  local trim = bring.sink(run, servo, above)
-  local from = run:now()
-  run:wait(options.listen or 2 * s)
+  local trim, from = bring.sink(run, servo, above)
   local seen = ellipse_since(run, from)
   if not seen then error("the robot was not seen on the retina: nothing to calibrate with", 0) end
   local view = rig:view()

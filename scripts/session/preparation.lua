@@ -44,23 +44,24 @@ local kRest, kLook = 1e-3, 2 * s
 
 --- Lets the robot sink until it lies on the retina below `above`: until its image no longer shrinks, however far below the
 --- believed place that is, and however thick the liquid. The force is taken back afterwards by bring.lift. An error where it does
---- not come to rest within `timeout` (60 s).
+--- not come to rest within `timeout` (60 s). Returns the trim of before, and since when it has been looked at at rest.
 function bring.sink(run, servo, above, options)
   options = options or {}
   servo:go_to(above, { within = 1 * mm, settle = 0, speed = 1 * mm / s })
   local trim = servo:status().trim
   servo:set_trim(trim + servo:force_for { 0, 0, -(options.speed or 0.6 * mm / s) })
   servo:release { touch = true }
-  local released, rests = run:now(), 0
+  local released, rests, from = run:now(), 0, nil
   while rests < 2 do -- two looks in a row: what has just been let go has not begun to sink
     local sinks = run:now() - released
     if sinks > (options.timeout or 60 * s) then error("the robot does not come to rest on the retina", 0) end
     local look = kLook * (1 + sinks // (20 * s)) -- a noisy tracker wants longer ones
+    from = run:now()
     run:wait(look)
-    local rate = growth(run, run:now() - look)
+    local rate = growth(run, from)
     rests = (rate == nil or math.abs(rate) > kRest) and 0 or rests + 1
   end
-  return trim
+  return trim, from
 end
 
 --- Takes back what pressed the robot down (bring.sink), and holds a place again.
