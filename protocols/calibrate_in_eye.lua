@@ -9,16 +9,8 @@ local statistics = require "analysis.statistics"
 local units = require "units"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
--- The axis is estimated: pitched as in the flight, a robot that lies otherwise than commanded looks a millimeter too high or low.
 local function open(rig, background, axis, p)
-  return rig:servo {
-    background = background,
-    field = p.field,
-    axis = axis,
-    axis_uncertainty = bring.axis_uncertainty "estimated",
-    touch = true,
-    lost_timeout = 10 * s, -- it may come to rest below where the believed view shows any place
-  }
+  return rig:servo { background = background, field = p.field, axis = axis, touch = true, lost_timeout = 10 * s }
 end
 
 -- Lets it sink below `above` and looks at it where it lies.
