@@ -246,11 +246,11 @@ Guardian::~Guardian() {
   const bool unsure = !armed_.empty();
   const bool silent = lost();
   say(unsure ? guardian::kQuitUnsure : guardian::kQuit);
-  ::close(socket_);
   if (unsure)
     ::kill(process_, SIGCONT);
   else
     await_end(!silent);
+  ::close(socket_);
 }
 
 /// Everything is at zero, so that nothing is lost with one that does not leave.
@@ -287,7 +287,7 @@ void Guardian::listen() {
     heard = true;
     if (owed_ > 0) --owed_;
   }
-  unanswered_ = owed && !heard ? std::min(unanswered_ + 1, guardian::kUnanswered) : 0;
+  unanswered_ = owed && !heard ? std::min(unanswered_.load() + 1, guardian::kUnanswered) : 0;
 }
 
 /// Waits until nothing is owed any more; false when it is lost.

@@ -34,10 +34,12 @@ constexpr auto kForLong = 10min;  // and for so long each second
 constexpr int kUrgent = 5;        // SCHED_RR priority, where it is permitted; above the host's 4
 
 // One packet; empty where there is none yet. `closed`: the host's end is gone, for a SEQPACKET
-// socket gives 0 bytes then.
+// socket gives 0 bytes then. Where the host has closed it with an acknowledgement unread, the
+// kernel tells of that first, once, and of what the host has said before it after that.
 std::string receive(int flags, bool& closed) {
   std::string bytes(kLongest, '\0');
-  const ssize_t size = recv(kSocket, bytes.data(), bytes.size(), flags);
+  ssize_t size = recv(kSocket, bytes.data(), bytes.size(), flags);
+  if (size < 0 && errno == ECONNRESET) size = recv(kSocket, bytes.data(), bytes.size(), flags);
   closed = size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR);
   bytes.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
   return bytes;
