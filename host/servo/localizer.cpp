@@ -5,6 +5,7 @@
 #include "host/rig/measured_chain.h"
 #include "host/servo/believed_view.h"
 #include "optics/pose/equivalent_ellipse.h"
+#include "optics/pose/level_plates.h"
 #include "optics/pose/pose.h"
 
 #include <Eigen/Geometry>
@@ -57,13 +58,6 @@ Eigen::Matrix3d place_covariance(const RigModel& model, const Eigen::Vector3d& p
          by_turn * by_turn.transpose();
 }
 
-/// A robot is put in with one of its plates level; along the line of sight, with one along y.
-Eigen::Vector3d level_side(const Eigen::Vector3d& axis) {
-  const Eigen::Vector3d other =
-      std::abs(axis.z()) < 0.99 ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
-  return other.cross(axis).normalized();
-}
-
 }  // namespace
 
 /// Throws std::invalid_argument naming axis_sigma. `tilted_` is set only where the axis is to be
@@ -72,7 +66,7 @@ Localizer::Localizer(const RigModel& model, std::unique_ptr<RobotEye> eye,
                      const Eigen::Vector3d& axis, double axis_sigma, ViewCalibration calibrated)
     : model_(model),
       axis_(axis),
-      side_(level_side(axis)),
+      side_(optics::level_side(axis)),
       eye_(std::move(eye)),
       pose_(pose_settings_of(model)) {
   if (!(axis_sigma >= 0 && axis_sigma < 1))

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/chain/chain_ellipse.h"
 
+#include "optics/pose/level_plates.h"
 #include "optics/pose/silhouette.h"
 
 #include <Eigen/Dense>
@@ -69,10 +70,7 @@ Slope slope_at(const Eigen::Vector3d& point, const LineDerivatives& near) {
 double width_factor(double ratio, const Eigen::Vector2d& slope, const Eigen::Vector3d& axis) {
   if (ratio == 1) return 1;
   const Eigen::Vector3d sight(slope.x(), slope.y(), 1);
-  const Eigen::Vector3d side =
-      (std::abs(axis.z()) < 0.99 ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX())
-          .cross(axis)
-          .normalized();
+  const Eigen::Vector3d side = level_side(axis);
   const double one = std::pow(sight.dot(axis.cross(side)), 2);
   const double other = std::pow(sight.dot(side), 2);
   const double c = std::max(one, other);
