@@ -37,14 +37,18 @@ const FalseBelief::Asked& ColorTracker::State::asked_of(const Ellipse& e) const 
 }
 
 // There is no step from the last position that could be a velocity. Found again, the object keeps
-// its slow mean of the axes; of one never seen the mean starts here.
+// the shape of its slow mean and has the size of the find, since a zoom goes on while it is lost;
+// of one never seen, or of another size altogether, the mean starts here.
 void ColorTracker::State::find(const cv::Mat& image, const Observation& seen) {
   const Ellipse& e = seen.measured->ellipse;
   velocity_px.setZero();
   turn = 0;
   growth = 0;
-  if (state == TrackState::searching || std::abs(std::log(size_of(e) / size_of(last))) > kOtherSize)
+  const double larger = std::log(e.semi_major_px * e.semi_minor_px / axes_px.prod()) / 2;
+  if (state == TrackState::searching || std::abs(larger) > kOtherSize)
     axes_px = {e.semi_major_px, e.semi_minor_px};
+  else if (std::abs(larger) > kSameSize)
+    axes_px *= std::exp(larger);
   last = e;
   unseen = 0;
   found_px = e.center_px;

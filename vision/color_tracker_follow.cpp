@@ -13,15 +13,15 @@ namespace {
 constexpr double kAxesGain = 0.03;  // share of a new measurement in the slow mean of the axes
 // Of the size that both axes share, an alpha-beta filter (gains of scale and of its change): a zoom
 // of one percent a frame is followed without lag.
-constexpr double kScaleGain = 0.05;
-constexpr double kGrowthGain = 0.00125;
+constexpr double kScaleGain = 0.1;
+constexpr double kGrowthGain = 0.005;
 constexpr double kMostGrowth = 0.03;
 constexpr double kVelocityGain = 0.6;  // share of the last step in the velocity
 constexpr double kAxesSigma = 1.0;     // px, of semi-axes against their slow mean
-// Excess of an axis in one image from which something continues the object's rim, relative: then it
-// is measured again with its axes held, to which standard deviation (relative too). A body changes
-// by a percent an image, and a slow mean follows that.
-constexpr double kSudden = 0.06;
+// Excess of one axis over the other's in one image from which something continues the object's rim,
+// relative: then it is measured again with its axes held, to which standard deviation (relative
+// too).
+constexpr double kSudden = 0.1;
 constexpr double kHeldAxes = 0.01;
 // A center that is not known to this share of the short semi-axis is none.
 constexpr double kVaguest = 1.0 / 6;
@@ -80,17 +80,25 @@ bool ColorTracker::State::look_near(const cv::Mat& image, const Owned& owned, co
 
 // A vessel, or a shadow in a weak light, that continues one end of the rim lengthens the ellipse
 // all at once, and moves its center by about as much. With the axes as they were the normals there
-// are outliers, which the fit leaves out. What the axes were without it stays in the covariance and
-// in their slow mean, so that a body that does change is followed.
+// are outliers, which the fit leaves out. By what both axes have grown alike the body itself has: a
+// zoom is ahead of the slow mean, and one that is held as small as that is lost. What the axes were
+// without it stays in the covariance and in their slow mean, so that a body that does change is
+// followed.
 void ColorTracker::State::hold_axes(const cv::Mat& image, const Owned& owned, const Ellipse& start,
                                     bool from_front, Judged& look) {
-  if (((look.free_axes_px - axes_px).array() < kSudden * axes_px.array()).all()) return;
+  const Eigen::Array2d excess =
+      (look.free_axes_px.array() / Eigen::Array2d(start.semi_major_px, start.semi_minor_px)).log();
+  const double alike = std::max(excess.minCoeff(), 0.0);
+  if (excess.maxCoeff() < alike + kSudden) return;
+  Ellipse as_it_was = start;
+  as_it_was.semi_major_px *= std::exp(alike);
+  as_it_was.semi_minor_px *= std::exp(alike);
   if (!affords(look_work(axes_px))) return;
   const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
-  const EllipsePrior prior{start, kCenterSigma + more, kHeldAxes * axes_px.y(),
+  const EllipsePrior prior{as_it_was, kCenterSigma + more, kHeldAxes * axes_px.y(),
                            settings.view.angle_sigma + 0.03 * unseen};
   const Observation held =
-      observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
+      observe(image, as_it_was, settings.view.gate_px + more, prior, owned, from_front);
   if (!good(held, start, axes_px, settings.jump_px + more, settings.min_inliers)) return;
   // Whether it is the object the free look says as well; a held rim with something at it is unlike.
   const double likeness = look.worth.likeness;
