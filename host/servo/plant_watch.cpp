@@ -31,10 +31,12 @@ constexpr double kPlantGainError = 0.5;
 // Of the robot's response over the believed one, by what it did before.
 constexpr double kPlantLeastPart = 0.3;
 constexpr double kPlantMostPart = 2;
-// Standard deviations of what the view is off by the robot's attitude, and the part of each coil's
-// share of the field by which it turns the robot unnoticed: a gain of 3 %, an axis of 1.5 degrees
-// (control::FieldPerturbation). Where coils work against each other that is 0.15 rad at 10 mT.
-constexpr double kPlantAttitudes = 2;
+// Standard deviations of what the view is off by the robot's attitude (by 2, three healthy benches
+// of 24 that were set up by hand were accused while the robot was pitched), and the part of each
+// coil's share of the field by which it turns the robot unnoticed: a gain of 3 %, an axis of 1.5
+// degrees (control::FieldPerturbation). Where coils work against each other that is 0.15 rad at 10
+// mT.
+constexpr double kPlantAttitudes = 4;
 constexpr double kPlantCoilError = 0.04;
 // What a hypothesis must explain of it, at least.
 constexpr double kPlantExplained = 0.65;
@@ -196,22 +198,21 @@ void PlantWatch::note_field(Sample& sample) const {
   const Eigen::Vector3d known = model_.field.nearest_valid(sample.position);
   const control::FieldMatrix matrix = model_.field.matrix(known);
   sample.shares = matrix.topRows<3>().colwise().norm().transpose().cwiseProduct(flow_.currents);
-  sample.field = (matrix * flow_.currents + model_.field.background(known)).head<3>().norm();
+  sample.field = matrix * flow_.currents + model_.field.background(known);
 }
 
-void PlantWatch::measured(double time, const Eigen::Vector3d& position,
-                          const Eigen::Matrix3d& noise, const Eigen::Matrix3d& by_attitude,
-                          double delay) {
+void PlantWatch::measured(const WatchedPlace& seen, double delay) {
+  const double time = seen.time;
   // What moved the robot until `time` are commands from the delay earlier. No command acts before
   // it is given.
   const double acting = time - std::max(delay, -model_.command_delay);
-  Sample now{time,
-             position,
-             largest_variance(noise),
-             Motions::Zero(3, kPlantCoils + 2 * flow_.currents.size()),
-             by_attitude,
-             {},
-             0};
+  Sample now;
+  now.time = time;
+  now.position = seen.position;
+  now.variance = largest_variance(seen.noise);
+  now.moved = Motions::Zero(3, kPlantCoils + 2 * flow_.currents.size());
+  now.by_attitude = seen.by_attitude;
+  now.place_sigma = std::sqrt(std::max(0.0, seen.systematic.trace()) / 3);
   if (samples_.empty()) {
     flow_to(acting);
     note_field(now);
@@ -223,7 +224,7 @@ void PlantWatch::measured(double time, const Eigen::Vector3d& position,
   now.moved = samples_.back().moved;
   for (int k = 0; k < kPlantSubsteps; ++k) {
     flow_to(begin + span * (k + 0.5) / kPlantSubsteps);
-    now.moved += (time - samples_.back().time) / kPlantSubsteps * velocities(position);
+    now.moved += (time - samples_.back().time) / kPlantSubsteps * velocities(seen.position);
   }
   flow_to(acting);
   note_field(now);
@@ -295,8 +296,34 @@ std::optional<PlantWatch::Before> PlantWatch::before() const {
   }
   if (first == nullptr || last->time - first->time < kPlantLeastDriftSpan) return std::nullopt;
   const double span = last->time - first->time;
-  return Before{(last->moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold)) / span,
+  return Before{*first, *last,
+                (last->moved.col(kPlantAsTold) - first->moved.col(kPlantAsTold)) / span,
                 (last->position - first->position) / span};
+}
+
+// m, along a direction: what the view makes of a robot that lies beside the field asked for. Coils
+// that are wrong turn it, and a robot that is not where it is seen has another field there, by the
+// gradient that moves it: by an angle b, of which a depth d by its size is off by b d'(pitch).
+// Another b shows as motion, and so does the same b at another pitch: what was taken for level, and
+// is steep by b, is by far more wrong when it is told to be steep. d' changes its sign with the
+// pitch; of it the square is known.
+double PlantWatch::by_turn(const Sample& then, const Sample& now, const Eigen::Vector3d& along) {
+  constexpr double kLeastField = 1e-6;  // T
+  const auto direction_off = [&now](const Eigen::VectorXd& shares,
+                                    const control::FieldGradient& field) {
+    return std::hypot(kPlantCoilError * shares.norm(),
+                      now.place_sigma * control::gradient_matrix(field).norm());
+  };
+  const auto per_turn = [&along](const Sample& one) {
+    const double square = along.dot(one.by_attitude * along);
+    return std::copysign(std::sqrt(std::max(0.0, square)) / kTakenAxis, one.field[2]);
+  };
+  const double at_then = per_turn(then), at_now = per_turn(now);
+  const double turned = direction_off(now.shares - then.shares, now.field - then.field) /
+                        std::max(now.field.head<3>().norm(), kLeastField);
+  const double off =
+      direction_off(then.shares, then.field) / std::max(then.field.head<3>().norm(), kLeastField);
+  return std::hypot(turned * at_now, off * (at_now - at_then));
 }
 
 PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now, const Before& slow,
@@ -317,11 +344,11 @@ PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now, con
   const Eigen::Vector3d expected = drifts ? by_drift : by_response;
   const Eigen::Vector3d left = went - expected;
   const double sigma = std::sqrt(then.variance + now.variance);
-  const double turned =
-      kPlantCoilError * (now.shares - then.shares).norm() / std::max(now.field, 1e-6);
-  const double by_attitude = turned / kTakenAxis *
-                             std::sqrt(std::max(0.0, left.dot(now.by_attitude * left))) /
-                             std::max(left.norm(), 1e-12);
+  // What the turn made of the places before is in the drift, and is taken to go on.
+  const Eigen::Vector3d along = left.normalized();
+  const double by_attitude =
+      std::hypot(by_turn(then, now, along),
+                 by_turn(slow.first, slow.last, along) * span / (slow.last.time - slow.first.time));
   const double allowed = kPlantSigmas * sigma + kPlantOffset + kPlantDriftChange * span +
                          kPlantAttitudes * by_attitude +
                          kPlantGainError * moved.col(kPlantAsTold).norm();

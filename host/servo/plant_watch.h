@@ -14,6 +14,15 @@
 
 namespace vitreo {
 
+/// A measurement that a loop took: m, world, at `time` (s).
+struct WatchedPlace {
+  double time = 0;
+  Eigen::Vector3d position{0, 0, 0};
+  Eigen::Matrix3d noise = Eigen::Matrix3d::Zero();        // m^2
+  Eigen::Matrix3d systematic = Eigen::Matrix3d::Zero();   // m^2: of what stays from frame to frame
+  Eigen::Matrix3d by_attitude = Eigen::Matrix3d::Zero();  // m^2: of it, by how the robot lies
+};
+
 /// A test of hypotheses over windows of 0.1 to 1 s, of any control law: the motion that is left
 /// over when the believed one is taken off, and what the seconds before left over, as a drift or as
 /// another response. It is a fault where it is beyond what noise, drag and gain explain, and a
@@ -25,11 +34,8 @@ class PlantWatch {
   explicit PlantWatch(const RigModel& model);
   /// What the coils were told at `now` (s), A; the robot's mobility then, m/(N s).
   void commanded(double now, const control::Currents& currents, const Eigen::Matrix3d& mobility);
-  /// A measurement that the loop took: m, world, taken at `time` (s), with its noise (m^2) and what
-  /// it may be off by the robot's attitude (m^2).
   /// `delay`: s, by which the loop's delay is found to be longer than believed.
-  void measured(double time, const Eigen::Vector3d& position, const Eigen::Matrix3d& noise,
-                const Eigen::Matrix3d& by_attitude, double delay);
+  void measured(const WatchedPlace& seen, double delay);
   /// A, what flows at `time` (s, not before the last measurement), by delay and lag of the coils.
   control::Currents flowing_at(double time) const;
   /// What the robot's motion says of amplifiers and coils; empty: they obey.
@@ -52,8 +58,9 @@ class PlantWatch {
     double variance = 0;                                    // m^2, the largest of a direction
     Motions moved;                                          // since the first sample
     Eigen::Matrix3d by_attitude = Eigen::Matrix3d::Zero();  // m^2
+    double place_sigma = 0;                                 // m, of a coordinate: systematic
     Eigen::VectorXd shares;                                 // T, of the field, each coil's
-    double field = 0;                                       // T
+    control::FieldGradient field = control::FieldGradient::Zero();
   };
   struct Told {
     double acts = 0;  // s
@@ -69,7 +76,9 @@ class PlantWatch {
     std::string text;
     bool standing = false;
   };
-  struct Before {  // m/s, means of the seconds before a window
+  struct Before {  // the seconds before a window, and m/s, their means
+    const Sample& first;
+    const Sample& last;
     Eigen::Vector3d told{0, 0, 0}, went{0, 0, 0};
   };
   void advance(Flow& flow, double time) const;
@@ -80,6 +89,7 @@ class PlantWatch {
   std::optional<Before> before() const;
   void look_back(const Before& slow);
   bool unanswered() const;
+  static double by_turn(const Sample& then, const Sample& now, const Eigen::Vector3d& along);
   Verdict judge(const Sample& then, const Sample& now, const Before& slow, double farthest) const;
   std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
 

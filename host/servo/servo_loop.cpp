@@ -200,8 +200,9 @@ void Servo::Loop::watch_plant(const Frame& frame, double now, const Observation&
       (status.clearance && beside_a_wall(status.clearance->nearest())))
     plant.forget();
   else if (status.clearance && place == PairedView::Place::taken)
-    plant.measured(to_seconds(frame.exposed), *observation.position, observation.noise(),
-                   observation.by_attitude, step.estimate ? step.estimate->delay : 0);
+    plant.measured({to_seconds(frame.exposed), *observation.position, observation.noise(),
+                    observation.systematic, observation.by_attitude},
+                   step.estimate ? step.estimate->delay : 0);
   const std::vector<double> sent = rig.coils->currents();
   plant.commanded(
       now, Eigen::Map<const Eigen::VectorXd>(sent.data(), static_cast<Eigen::Index>(sent.size())),
@@ -396,7 +397,7 @@ void Servo::Loop::publish(const Frame& frame, const control::Reference& target,
 }
 
 void Servo::Loop::set_goal(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
-  check_reach(rig.model, path);
+  check_reach(rig.model, path, status.position);
   if (!settings.may_touch) surface.check(path);
   if (looks(settings.feedback) || settings.stays_in_sight)
     check_visible(rig.model, rig.top_camera->info(), settings.view.image_scale, path);

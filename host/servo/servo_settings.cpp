@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace vitreo {
@@ -79,12 +80,18 @@ void ServoSettings::check() const {
 }
 
 // By samples in time, as the path will be driven. The same shape of the eye as in
-// ServoController::drag_at.
-void check_reach(const RigModel& model, const control::Trajectory& path) {
-  constexpr int kAsked = 200;  // positions along the way
+// ServoController::drag_at. A robot that lies on the retina is found behind it where the bench is
+// not the believed one: until the path has once come inside it may not go farther out, and after
+// that never outside.
+void check_reach(const RigModel& model, const control::Trajectory& path,
+                 const std::optional<Eigen::Vector3d>& robot) {
+  constexpr int kAsked = 200;       // positions along the way
+  constexpr double kHere = 0.5e-3;  // m, from where the robot is found: the path begins there
   // Surfaces count from 1 at the retina, as in the thesis' tables: the second is the lens' rear.
   const double radius = model.eye.surfaces.front().radius;
   const double lens = model.eye.vertex(2);
+  const bool begins_here = robot && (path.at(0).position - *robot).norm() < kHere;
+  double before = begins_here ? std::numeric_limits<double>::infinity() : 0;  // m, outside
   for (int i = 0; i <= kAsked; ++i) {
     const Eigen::Vector3d position = path.at(path.duration() * i / kAsked).position;
     const auto refuse = [&position](const char* why) {
@@ -94,12 +101,15 @@ void check_reach(const RigModel& model, const control::Trajectory& path) {
     };
     if (!position.allFinite()) refuse("it is not a place");
     if (!model.field.valid_at(position)) refuse("outside the region of the field's model");
+    if (position.z() - model.eye_in_world.z() > lens) refuse("behind the lens");
     // The retina's sphere below its equator, and above it a cylinder of the same radius: there the
     // distance from the center is taken horizontally.
     Eigen::Vector3d from_center = position - model.eye_in_world - Eigen::Vector3d(0, 0, radius);
-    if (position.z() - model.eye_in_world.z() > lens) refuse("behind the lens");
     from_center.z() = std::min(from_center.z(), 0.0);
-    if (from_center.norm() > radius) refuse("outside the retina");
+    const double outside = std::max(from_center.norm() - radius, 0.0);
+    const bool comes_in = outside <= before && i < kAsked;
+    if (outside > 0 && !comes_in) refuse("outside the retina");
+    before = std::min(before, outside);
   }
 }
 

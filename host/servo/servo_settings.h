@@ -96,7 +96,9 @@ struct ServoSettings {
 };
 
 /// Throws std::invalid_argument naming the position where the robot cannot be taken: outside the
-/// field model's region, the retina or the lens.
-void check_reach(const RigModel& model, const control::Trajectory& path);
+/// field model's region, the retina or the lens. `robot`: where it is found, m, world; from there
+/// it may be brought in, though it be behind the believed retina.
+void check_reach(const RigModel& model, const control::Trajectory& path,
+                 const std::optional<Eigen::Vector3d>& robot = std::nullopt);
 
 }  // namespace vitreo

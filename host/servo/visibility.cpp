@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/visibility.h"
 
+#include "host/servo/believed_view.h"
+#include "optics/pose/pose.h"
+
 #include <fmt/format.h>
 
 #include <stdexcept>
@@ -8,19 +11,26 @@
 namespace vitreo {
 namespace {
 
-/// Where a position (m, world) appears in the image: (5.13), u = K P(X), with the fitted single
-/// viewpoint or the exact rays. Nothing outside the optics' validity.
-std::optional<Eigen::Vector2d> pixel_of(const RigModel& model, double image_scale,
-                                        const Eigen::Vector3d& position) {
-  optics::ImageScale image = model.top_image;
-  image.pixel *= image_scale;
+/// Where positions (m, world) appear in the image.
+class PathView {
+ public:
+  PathView(const RigModel& model, double image_scale)
+      : eye_in_world_(model.eye_in_world),
+        plain_(model.plain_view),
+        view_(pose_settings_of(model)) {
+    view_.image.pixel *= image_scale;
+  }
   // The aerial image m is inverted, a plain view's as any other (ImageScale).
-  if (model.plain_view) return image.pixel_from_m(-position.head<2>());
-  const Eigen::Vector3d in_eye = position - model.eye_in_world;
-  const auto m = model.exact ? model.exact->project(in_eye) : model.projection.project(in_eye);
-  if (!m) return std::nullopt;
-  return image.pixel_from_m(*m);
-}
+  std::optional<Eigen::Vector2d> at(const Eigen::Vector3d& position) const {
+    if (plain_) return view_.image.pixel_from_m(-position.head<2>());
+    return optics::shown_at(view_, position - eye_in_world_);
+  }
+
+ private:
+  Eigen::Vector3d eye_in_world_;
+  bool plain_;
+  optics::PoseSettings view_;
+};
 
 }  // namespace
 
@@ -28,9 +38,10 @@ std::optional<Eigen::Vector2d> pixel_of(const RigModel& model, double image_scal
 void check_visible(const RigModel& model, const CameraInfo& camera, double image_scale,
                    const control::Trajectory& path) {
   constexpr int kAsked = 200;  // positions along the way
+  const PathView shown(model, image_scale);
   for (int i = 0; i <= kAsked; ++i) {
     const Eigen::Vector3d position = path.at(path.duration() * i / kAsked).position;
-    const auto pixel = pixel_of(model, image_scale, position);
+    const auto pixel = shown.at(position);
     if (pixel && pixel->x() >= 0 && pixel->y() >= 0 && pixel->x() < camera.width_px &&
         pixel->y() < camera.height_px)
       continue;

@@ -22,6 +22,7 @@ void ObjectPoseSettings::check() const {
     throw std::invalid_argument("contour_points: must lie between 12 and 256");
   }
   detail::require(max_residual_px > 0, "max_residual_px: must be positive");
+  detail::require_not_negative(behind_retina, "behind_retina");
   detail::require(equal_chi2 >= 0, "equal_chi2: must not be negative");
 }
 

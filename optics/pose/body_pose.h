@@ -29,6 +29,7 @@ struct ObjectPoseSettings {
   // on the outline, 12 to 256; as many as the tracker's: corners make the ellipse depend on it
   int contour_points = 64;
   double max_residual_px = 8;  // above this rms the answer is `misfit`
+  double behind_retina = 0;    // m, as PoseSettings have it
   // another minimum explains the measurement equally up to this much more chi^2
   double equal_chi2 = 9;
   void check() const;  // throws std::invalid_argument naming the parameter

@@ -119,9 +119,9 @@ Eigen::Vector3d unit_axis(const Eigen::Vector3d& axis) {
   return axis / length;
 }
 
-bool inside(const PoseSettings& settings, const Eigen::Vector3d& position) {
+bool inside(const PoseSettings& settings, const Eigen::Vector3d& position, double behind_retina) {
   return detail::ProjectionModel(settings.projection, settings.exact, settings.image)
-      .inside(position);
+      .inside(position, behind_retina);
 }
 
 /// The inverse of the information, m^2, of terms of unit variance.
@@ -181,12 +181,21 @@ std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
   settings.check();
   detail::require(position_in_eye.allFinite(), "position_in_eye: must be finite");
   const Eigen::Vector3d axis = unit_axis(axis_in_eye);
-  if (!inside(settings, position_in_eye)) return std::nullopt;
+  if (!inside(settings, position_in_eye, 0)) return std::nullopt;
   detail::ImageEllipse<double> ellipse;
   const detail::Circle circle(settings.contour_points);
   if (!detail::project_ellipse(settings, circle, position_in_eye, axis, ellipse))
     return std::nullopt;
   return as_vector(ellipse);
+}
+
+/// (5.13).
+std::optional<Eigen::Vector2d> shown_at(const PoseSettings& settings,
+                                        const Eigen::Vector3d& point_in_eye) {
+  detail::require(point_in_eye.allFinite(), "point_in_eye: must be finite");
+  const detail::ProjectionModel camera(settings.projection, settings.exact, settings.image);
+  if (!camera.inside(point_in_eye, settings.behind_retina)) return std::nullopt;
+  return camera.pixel(point_in_eye);
 }
 
 /// Levenberg-Marquardt (Ceres' TinySolver) with automatic derivatives; thesis 5.5 minimizes (5.15)
@@ -220,7 +229,7 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
   PoseEstimate estimate;
   estimate.position_in_eye = position_mm / kMmPerM;
   estimate.iterations = solver.summary.iterations;
-  if (!inside(settings, estimate.position_in_eye)) return std::nullopt;
+  if (!inside(settings, estimate.position_in_eye, settings.behind_retina)) return std::nullopt;
   Jacobian jacobian;
   if (!function(position_mm.data(), terms.data(), jacobian.data())) return std::nullopt;
   // The residual is reported in px, whatever the weights.
@@ -287,7 +296,7 @@ std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
     if (!detail::project_ellipse(settings, circle, on_line(z), axis, shown)) return 2 * kTolerated;
     return std::sqrt(shown.semi_major * shown.semi_minor) / wanted;
   };
-  double low = 0;
+  double low = -settings.behind_retina;
   double high = camera.max_z();
   if (excess(low) > kTolerated || excess(high) < 1 / kTolerated) return std::nullopt;
   for (int i = 0; i < kHalvings; ++i) {

@@ -26,6 +26,11 @@ std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
                                               const Eigen::Vector3d& position_in_eye,
                                               const Eigen::Vector3d& axis_in_eye);
 
+/// The pixel that shows a point. Nothing where there is no image of it, in the lens, or behind the
+/// retina by more than settings.behind_retina.
+std::optional<Eigen::Vector2d> shown_at(const PoseSettings& settings,
+                                        const Eigen::Vector3d& point_in_eye);
+
 /// Minimizes (5.15) over the position, from `start_in_eye`. Nothing when it does not converge,
 /// leaves the projection's validity, or fits badly. `covariance` is that of `observed`. Unless
 /// `weighted` it does not weigh the terms, which are (5.15)'s own, but is carried through that

@@ -246,7 +246,7 @@ double Search::depth_of_size(const Ray& sight, const Eigen::Matrix3d& orientatio
     const auto viewpoint = camera_.viewpoint(place);
     double next = z / 2;  // beyond the projection it is too near
     if (shown && viewpoint) next = viewpoint->z() - (viewpoint->z() - z) * *shown / measured_.size;
-    next = std::clamp(next, 0.0, kTop * camera_.max_z());
+    next = std::clamp(next, -settings_.behind_retina, kTop * camera_.max_z());
     if (std::abs(next - z) < kNear) return next;
     z = next;
   }
@@ -265,7 +265,7 @@ std::vector<Eigen::Vector3d> Search::start_positions(const Eigen::Matrix3d& orie
   const double guess = depth_of_size(*sight, orientation);
   std::vector<Eigen::Vector3d> made{on_line(*sight, guess)};
   for (const double z : {guess - kAside, guess + kAside}) {
-    if (z > 0 && z < camera_.max_z()) made.push_back(on_line(*sight, z));
+    if (z > -settings_.behind_retina && z < camera_.max_z()) made.push_back(on_line(*sight, z));
   }
   return made;
 }
@@ -578,7 +578,7 @@ void Search::follow(const BodyState& start) {
     if (!unfinished_ || found->cost < unfinished_->cost) unfinished_ = *found;
     return;
   }
-  if (!camera_.inside(found->state.position)) return;
+  if (!camera_.inside(found->state.position, settings_.behind_retina)) return;
   for (Explanation& known : minima_) {
     if (!same(known, *found)) continue;
     if (found->cost < known.cost) known = *found;

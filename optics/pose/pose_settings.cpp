@@ -18,6 +18,7 @@ void PoseSettings::check() const {
     throw std::invalid_argument("contour_points: must lie between 8 and 64");
   }
   detail::require(max_residual_px > 0, "max_residual_px: must be positive");
+  detail::require_not_negative(behind_retina, "behind_retina");
 }
 
 /// Axes in order, since angle and axes exchange otherwise: throws std::invalid_argument naming

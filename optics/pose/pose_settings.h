@@ -32,6 +32,9 @@ struct PoseSettings {
   double angle_weight = 0.1;
   int contour_points = 24;     // on the model's silhouette, 8 to 64
   double max_residual_px = 8;  // above this rms the answer is "nothing"
+  /// m: an estimate may lie so far behind the retina, where no robot can be. What is known of the
+  /// bench is in the depth, and a robot that rests on the retina is found below it as often as not.
+  double behind_retina = 0;
   /// When given, silhouettes are seen along the exact isopixel lines, and `projection` is not used:
   /// no error of the simplification is left.
   std::optional<ExactProjection> exact{};

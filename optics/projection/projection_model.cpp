@@ -68,9 +68,14 @@ bool ProjectionModel::sight(const Eigen::Vector2d& pixel_px, IsopixelLine& line)
   return true;
 }
 
-/// By an attempt: both projections know their own limits.
-bool ProjectionModel::inside(const Eigen::Vector3d& point) const {
-  return exact_ ? exact_->project(point).has_value() : view_.project(point).has_value();
+/// By an attempt: both projections know their own limits. The lines are straight, and go on behind
+/// the retina.
+bool ProjectionModel::inside(const Eigen::Vector3d& point, double behind_retina) const {
+  const auto shown = [this](const Eigen::Vector3d& at) {
+    return exact_ ? exact_->project(at).has_value() : view_.project(at).has_value();
+  };
+  return shown(point) || (behind_retina > 0 && pixel(point) &&
+                          shown(point + behind_retina * Eigen::Vector3d::UnitZ()));
 }
 
 }  // namespace vitreo::optics::detail

@@ -27,8 +27,9 @@ class ProjectionModel {
   /// The same as x = at_retina + slope z, with its derivatives by the pixel in place of m: what
   /// silhouettes are computed from. False outside the projection.
   bool sight(const Eigen::Vector2d& pixel_px, IsopixelLine& line) const;
-  /// Whether the point is in the vitreous and has an image.
-  bool inside(const Eigen::Vector3d& point) const;
+  /// Whether the point is in the vitreous, or up to `behind_retina` m behind the retina, and has an
+  /// image.
+  bool inside(const Eigen::Vector3d& point, double behind_retina = 0) const;
   double max_z() const { return exact_ ? exact_->max_z() : view_.max_z; }
 
  private:

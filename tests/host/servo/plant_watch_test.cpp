@@ -6,6 +6,7 @@
 #include "control/robots.h"
 #include "control/stability.h"
 #include "host/servo/field_allocator.h"
+#include "host/servo/view_doubt.h"
 #include "optics/system/prescriptions.h"
 
 #include <Eigen/LU>
@@ -44,7 +45,30 @@ struct Plant {
   double old_from = 1e9;                       // s, from which on its place is that of then
   double turns_in = 0;  // m: how much too high the first three frames show it
   bool found = true;    // the watch is told that it was found
+  double pitch = 0;     // rad: to and fro between level and this, from 2 s on
+  double bias = 0;      // rad: how much steeper it lies than it is told to
+  double bench = 0;     // m: of each coordinate, what is not known of where the view has it
 };
+
+constexpr double kPitchRate = 0.25;  // rad/s
+constexpr double kSeenFrom = 16e-3;  // m: of the viewpoint, and the length's part in the depth
+
+double pitch_at(const Plant& plant, double time) {
+  if (plant.pitch == 0) return 0;
+  const double gone = std::fmod(kPitchRate * std::max(0.0, time - 2), 2 * std::abs(plant.pitch));
+  return std::copysign(std::min(gone, 2 * std::abs(plant.pitch) - gone), plant.pitch);
+}
+
+// A length that is shorter by the ratio of the cosines looks as much farther away.
+double shown_too_high(const Plant& plant, double pitch) {
+  return kSeenFrom * std::log(std::cos(pitch + plant.bias) / std::cos(pitch));
+}
+
+// What one that is taken to lie as it is told to says of its own depth.
+Eigen::Matrix3d doubt_at(double pitch) {
+  const double sigma = kSeenFrom * std::tan(pitch) * kTakenAxis;
+  return Eigen::Vector3d(0, 0, sigma * sigma).asDiagonal();
+}
 
 struct Watched {
   double standing = -1;  // s, first
@@ -53,7 +77,7 @@ struct Watched {
 
 /// The thesis' PD (1.5 /s).
 Watched watched(const RigModel& model, const Plant& plant, double end) {
-  const FieldAllocator allocator(model, {});
+  FieldAllocator allocator(model, {});
   const Eigen::Matrix3d drag = control::resistance(model.robot, model.medium, {1, 0, 0});
   PlantWatch watch(model);
   if (plant.found) watch.found(0);
@@ -68,14 +92,19 @@ Watched watched(const RigModel& model, const Plant& plant, double end) {
     Eigen::Vector3d seen = shown;
     for (double& one : seen) one += kNoise * normal(random);
     if (now < 2.5 * kPeriod) seen.z() += plant.turns_in;
-    watch.measured(now, seen, kNoise * kNoise * Eigen::Matrix3d::Identity(),
-                   Eigen::Matrix3d::Zero(), 0);
+    const double pitch = pitch_at(plant, now);
+    seen.z() += shown_too_high(plant, pitch);
+    const Eigen::Matrix3d whole =
+        doubt_at(pitch) + plant.bench * plant.bench * Eigen::Matrix3d::Identity();
+    watch.measured(
+        {now, seen, kNoise * kNoise * Eigen::Matrix3d::Identity(), whole, doubt_at(pitch)}, 0);
     if (watch.standing() && found.standing < 0) found.standing = now;
     if (found.fault.empty()) found.fault = watch.fault();
     const double gone = std::fmod(std::max(0.0, now - plant.goes_from), 2 * plant.goes_back);
     const Eigen::Vector3d target =
         std::min(gone, 2 * plant.goes_back - gone) * plant.target_velocity;
     summed += kPeriod * plant.integral * (target - seen);
+    allocator.set_axis({std::cos(pitch), 0, std::sin(pitch)});
     const auto given = allocator.allocate(seen, drag * (1.5 * (target - seen) + summed));
     watch.commanded(now, given.currents, drag.inverse());
     // The belief's delay and lag, of which a frame is nearly as long.
@@ -177,6 +206,32 @@ TEST(PlantWatch, AnOldPlaceOnWhichALawIntegratesIsFound) {
       EXPECT_EQ(found.standing > 0, old) << off << " " << found.standing;
       EXPECT_EQ(found.fault, "");
     }
+}
+
+// Coils that are not measured turn the robot by up to nine degrees (docs/chain.md): of one that is
+// pitched the view leaps in depth as it is told to be steeper, and no coil has failed.
+TEST(PlantWatch, ARobotThatLiesBesideTheFieldIsNotAccusedOfWhatTheViewMakesOfItsPitch) {
+  for (const double pitch : {-0.35, 0.35})
+    for (const double bias : {-0.16, -0.08, 0.0, 0.08, 0.16}) {
+      Plant plant;
+      plant.start = {0.2e-3, 0, 0};
+      plant.pitch = pitch;
+      plant.bias = bias;
+      plant.bench = 0.8e-3;
+      const Watched found = watched(cylinder_model(), plant, 12);
+      EXPECT_EQ(found.fault, "") << pitch << " " << bias;
+    }
+}
+
+TEST(PlantWatch, ACoilThatIsReversedWhileItIsPitchedIsNamed) {
+  for (const double bias : {-0.08, 0.0, 0.08}) {
+    Plant plant;
+    plant.pitch = 0.35;
+    plant.bias = bias;
+    plant.bench = 0.8e-3;
+    plant.reversed_from = 5;
+    EXPECT_NE(watched(cylinder_model(), plant, 7).fault, "") << bias;
+  }
 }
 
 TEST(PlantWatch, ACoilThatIsReversedAtRestIsNamed) {

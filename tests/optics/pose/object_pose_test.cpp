@@ -502,6 +502,28 @@ TEST(ObjectPose, WhatNoPoseExplainsIsCalledSo) {
   EXPECT_EQ(stuck.candidates.at(0).covariance(0, 0), kInfinity);
 }
 
+// As of the fast localizer: through the exact projection, cold and from the last place.
+TEST(ObjectPose, ABodyIsFoundBehindTheRetinaWhereThatIsAllowed) {
+  ObjectModel smaller = kSpheroid;
+  smaller.semi_axes *= 0.97;
+  const BodyPose truth{{1 * kMm, -0.5 * kMm, 0.3 * kMm}, orientation_along(kAlongX)};
+  const EllipseVector shown = *project_object(settings_of(smaller), truth);
+  ObjectPoseSettings settings = settings_of(kSpheroid);
+  for (const auto& start :
+       {std::optional<Eigen::Vector3d>(), std::optional(truth.position_in_eye)}) {
+    settings.behind_retina = 0;
+    EXPECT_EQ(locate_object(settings, shown, tracker_noise(), {start, truth.orientation}).status,
+              PoseStatus::outside);
+    settings.behind_retina = 2 * kMm;
+    const ObjectPose found =
+        locate_object(settings, shown, tracker_noise(), {start, truth.orientation});
+    ASSERT_EQ(found.status, PoseStatus::found);
+    EXPECT_LT(found.candidates.at(0).pose.position_in_eye.z(), 0);
+    EXPECT_GT(found.candidates.at(0).pose.position_in_eye.z(), -1 * kMm);
+    EXPECT_LT(found.candidates.at(0).residual_px, 0.05);
+  }
+}
+
 TEST(ObjectPose, BadArgumentsAreNamed) {
   ObjectPoseSettings settings = settings_of(kSpheroid);
   const BodyPose truth{kPlace, orientation_along(kAlongX)};

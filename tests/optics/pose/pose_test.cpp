@@ -244,6 +244,33 @@ TEST(Pose, SpheroidsOutsideTheProjectionShowNothing) {
   EXPECT_FALSE(project_spheroid(huge, {0, 0, 5 * kMm}, kAlongX));
 }
 
+// A robot on the retina that is 3 % smaller than it is believed to be looks farther away than the
+// retina: the size goes with the inverse of the distance from the viewpoint.
+TEST(Pose, ARobotIsFoundBehindTheRetinaWhereThatIsAllowed) {
+  PoseSettings truth = default_settings();
+  truth.robot.semi_axis *= 0.97;
+  truth.robot.semi_radius *= 0.97;
+  const Eigen::Vector3d place(1 * kMm, -0.5 * kMm, 0.25 * kMm);
+  const auto shown = project_spheroid(truth, place, kAlongX);
+  ASSERT_TRUE(shown);
+  PoseSettings settings = default_settings();
+  const double farther = (settings.projection.viewpoint - place.z()) * (1 / 0.97 - 1);
+  ASSERT_GT(farther, 0.3 * kMm);
+  EXPECT_FALSE(locate(settings, *shown, tracker_noise(), kAlongX, place));
+  settings.behind_retina = 2 * kMm;
+  const auto found = locate(settings, *shown, tracker_noise(), kAlongX, place);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->position_in_eye.z(), place.z() - farther, 0.05 * kMm);
+  EXPECT_LT(found->residual_px, 0.05);
+  const auto guess = first_guess(settings, *shown, kAlongX);
+  ASSERT_TRUE(guess);
+  EXPECT_LT((*guess - found->position_in_eye).norm(), 0.1 * kMm);
+  settings.behind_retina = 0.1 * kMm;
+  EXPECT_FALSE(locate(settings, *shown, tracker_noise(), kAlongX, place));
+  settings.behind_retina = -1e-9;
+  EXPECT_THROW(locate(settings, *shown, tracker_noise(), kAlongX, place), std::invalid_argument);
+}
+
 TEST(Pose, BadArgumentsAreNamed) {
   const PoseSettings settings = default_settings();
   const Eigen::Vector3d place(0, 0, 5 * kMm), nowhere(0, kNan, 0);
