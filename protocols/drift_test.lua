@@ -7,6 +7,7 @@ local places = require "places"
 local drift = require "analysis.drift"
 local statistics = require "analysis.statistics"
 local bring = require "session.preparation"
+local retina = require "calibration.retina"
 local free = require "session.free_drift"
 local plant = require "session.plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
@@ -22,6 +23,7 @@ local function leave_alone(run, rig, p, background, kind, found)
     feedback = kind,
     field = p.field,
     lost_timeout = 5 * s,
+    view = found.view,
     axis_uncertainty = kind ~= "two_cameras" and kind ~= "pose_sensor" and bring.axis_uncertainty(p.attitude) or nil,
   }
   servo:hold(center)
@@ -63,6 +65,7 @@ local function hold_on(run, rig, p, background, found)
     feedback = alone and p.feedback or "one_camera",
     law = "estimator",
     field = p.field,
+    view = not alone and found.view or nil,
   }
   servo:hold(center)
   rig.sample:insert_robot(center)
@@ -111,6 +114,7 @@ return {
     },
     scatter_open = { unit = "mm", default = 1 * mm, min = 0, max = 2 * mm, help = "of the placement, with constant currents" },
     scatter = { unit = "mm", default = 0.3 * mm, min = 0, max = 2 * mm, help = "of the placement, with feedback" },
+    calibrate = retina.parameter "when",
     calibration = { default = "", help = "YAML of a measured machine, put in the simulated plant; empty: machines are drawn" },
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
   },
@@ -127,6 +131,9 @@ return {
     for machine in run:each(machines, "machine") do
       if rig.simulation then rig.simulation:sample_machine(machine - 1) end
       found.trim, found.machine = nil, machine
+      if p.feedback ~= "pose_sensor" and retina.wanted(rig, run, p.calibrate) then
+        found.view = retina.view(rig, run, background, { field = p.field })
+      end
       for kind in run:each(asked, "feedback") do
         leave_alone(run, rig, p, background, kind, found)
       end
