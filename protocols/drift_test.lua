@@ -127,7 +127,7 @@ return {
     plant.calibrate(rig, run, p.calibration)
     rig.sample:remove_robot()
     local background = p.feedback ~= "pose_sensor" and rig:learn_background { frames = 15 } or nil
-    local found = { six = places.six(p.edge) }
+    local found = { six = places.six(p.edge, retina.room(rig).z) }
     for machine in run:each(machines, "machine") do
       if rig.simulation then rig.simulation:sample_machine(machine - 1) end
       found.trim, found.machine = nil, machine

@@ -14,10 +14,11 @@ function places.in_sight(position, aside)
 end
 
 --- The six of thesis table 6.1. The thesis names them and gives no coordinates; these are assumed: the edge `edge` aside, and
---- below it as deep as a robot that is placed by hand, to a millimeter, stays clear of the retina of the model eye.
-function places.six(edge)
+--- below it as deep as a robot that is placed by hand, to a millimeter, stays clear of the retina of the model eye; `room`
+--- (0, m) higher where the retina is known less well (retina.room).
+function places.six(edge, room)
   local aside = retina.radius - 1.8 * mm
-  local lowest = math.max(-2.5 * mm, retina.center[3] - (aside ^ 2 - edge ^ 2) ^ 0.5)
+  local lowest = math.max(-2.5 * mm, retina.center[3] - (aside ^ 2 - edge ^ 2) ^ 0.5) + (room or 0)
   return {
     { name = "upper-middle", position = vector(0, 0, 3 * mm), edge = false },
     { name = "middle-middle", position = vector(0, 0, 0), edge = false },
