@@ -20,9 +20,11 @@ constexpr double kVelocityGain = 0.6;  // share of the last step in the velocity
 constexpr double kAxesSigma = 1.0;     // px, of semi-axes against their slow mean
 // Excess of one axis over the other's in one image from which something continues the object's rim,
 // relative: then it is measured again with its axes held, to which standard deviation (relative
-// too).
-constexpr double kSudden = 0.1;
-constexpr double kHeldAxes = 0.01;
+// too): of 64 normals a looser one is overruled.
+constexpr double kSudden = 0.06;
+constexpr double kHeldAxes = 0.003;
+// Of the one axis' excess the other's, from which both have grown alike.
+constexpr double kAlike = 0.7;
 // A center that is not known to this share of the short semi-axis is none.
 constexpr double kVaguest = 1.0 / 6;
 constexpr double kCenterSigma = 5.0;  // px, of the predicted center
@@ -74,31 +76,33 @@ bool ColorTracker::State::look_near(const cv::Mat& image, const Owned& owned, co
   const Ellipse& e = look.seen.measured->ellipse;
   look.free_axes_px = {e.semi_major_px, e.semi_minor_px};
   look.worth = worth_of(look.seen);
-  if (settings.view.refine) hold_axes(image, owned, start, from_front, look);
+  if (settings.view.refine) hold_axes(image, owned, start, look);
   return true;
 }
 
 // A vessel, or a shadow in a weak light, that continues one end of the rim lengthens the ellipse
-// all at once, and moves its center by about as much. With the axes as they were the normals there
-// are outliers, which the fit leaves out. By what both axes have grown alike the body itself has: a
-// zoom is ahead of the slow mean, and one that is held as small as that is lost. What the axes were
-// without it stays in the covariance and in their slow mean, so that a body that does change is
-// followed.
+// all at once, and moves its center by about as much; the front has it in it too, so that the rim
+// is searched where it was expected. With the axes as they were the normals there are outliers,
+// which the fit leaves out. By what both axes have grown alike the body itself has: a zoom is ahead
+// of the slow mean, and one that is held as small as that is lost. What the axes were without it
+// stays in the covariance and in their slow mean, so that a body that does change is followed.
 void ColorTracker::State::hold_axes(const cv::Mat& image, const Owned& owned, const Ellipse& start,
-                                    bool from_front, Judged& look) {
+                                    Judged& look) {
   const Eigen::Array2d excess =
       (look.free_axes_px.array() / Eigen::Array2d(start.semi_major_px, start.semi_minor_px)).log();
-  const double alike = std::max(excess.minCoeff(), 0.0);
+  const double both = std::max(excess.minCoeff(), 0.0);
+  const double alike = both > kAlike * excess.maxCoeff() ? both : 0;
   if (excess.maxCoeff() < alike + kSudden) return;
+  if (!affords(look_work(axes_px))) return;
   Ellipse as_it_was = start;
   as_it_was.semi_major_px *= std::exp(alike);
   as_it_was.semi_minor_px *= std::exp(alike);
-  if (!affords(look_work(axes_px))) return;
   const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
   const EllipsePrior prior{as_it_was, kCenterSigma + more, kHeldAxes * axes_px.y(),
                            settings.view.angle_sigma + 0.03 * unseen};
+  constexpr bool kFromFront = false;
   const Observation held =
-      observe(image, as_it_was, settings.view.gate_px + more, prior, owned, from_front);
+      observe(image, as_it_was, settings.view.gate_px + more, prior, owned, kFromFront);
   if (!good(held, start, axes_px, settings.jump_px + more, settings.min_inliers)) return;
   // Whether it is the object the free look says as well; a held rim with something at it is unlike.
   const double likeness = look.worth.likeness;

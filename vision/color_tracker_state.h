@@ -54,8 +54,7 @@ struct ColorTracker::State : TrackMemory {
   LookWorth worth_of(const Observation& seen) const;
   bool look_near(const cv::Mat& image, const Owned& owned, const Ellipse& start, bool from_front,
                  Judged& look);
-  void hold_axes(const cv::Mat& image, const Owned& owned, const Ellipse& start, bool from_front,
-                 Judged& look);
+  void hold_axes(const cv::Mat& image, const Owned& owned, const Ellipse& start, Judged& look);
   bool vague(const Judged& look) const;
   void weigh_with_last(LookWorth& worth);
   void look_at(const cv::Mat& image, const Owned& owned, Ellipse start, const Eigen::Vector2d& axes,
