@@ -241,7 +241,7 @@ void ColorTracker::place(const Ellipse& at) {
               std::isfinite(at.semi_major_px + at.angle),
           "at: its axes are not those of an ellipse");
   s.last = at;
-  s.axes_px = s.model.semi_axes_px;
+  s.axes_px = s.trained_axes();
   s.velocity_px.setZero();
   s.turn = 0;
   s.growth = 0;

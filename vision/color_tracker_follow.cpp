@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace vitreo::vision {
 namespace {
@@ -105,10 +106,11 @@ void ColorTracker::State::hold_axes(const cv::Mat& image, const Owned& owned, co
       observe(image, as_it_was, settings.view.gate_px + more, prior, owned, kFromFront);
   if (!good(held, start, axes_px, settings.jump_px + more, settings.min_inliers)) return;
   // Whether it is the object the free look says as well; a held rim with something at it is unlike.
-  const double likeness = look.worth.likeness;
-  look.seen = held;
-  look.worth = worth_of(held);
-  look.worth.likeness = std::max(look.worth.likeness, likeness);
+  // One that says nothing of the center is no better than the free one, whose excess is in the
+  // covariance.
+  Judged instead{held, worth_of(held), look.free_axes_px};
+  instead.worth.likeness = std::max(instead.worth.likeness, look.worth.likeness);
+  if (!vague(instead)) look = std::move(instead);
 }
 
 // What makes looks err lasts for some images, and what sixteen looks in memory say of one scatters:
