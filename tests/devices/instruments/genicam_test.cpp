@@ -79,7 +79,16 @@ TEST_F(GigeCamera, KeepsTheContractOfACamera) {
   EXPECT_NE(camera->info().identity.find("VITREO01"), std::string::npos) << camera->info().identity;
   contract::CameraCheck how;
   how.content = [](const Frame& frame) { return wrong_with(frame.image); };
-  EXPECT_EQ(contract::check(*camera, *clock, how), Findings{});
+  // On a machine that is busy with other tests the server itself may be silent for half a second.
+  const auto silent = [](const Findings& found) {
+    return std::any_of(found.begin(), found.end(), [](const std::string& one) {
+      return one.find("has fallen silent") != std::string::npos;
+    });
+  };
+  Findings found = contract::check(*camera, *clock, how);
+  for (int again = 0; again < 3 && silent(found); ++again)
+    found = contract::check(*camera, *clock, how);
+  EXPECT_EQ(found, Findings{});
   EXPECT_GT(server->exposures(), 12U);
 }
 
