@@ -1,6 +1,6 @@
 #!/bin/sh
 # Prints the hard set: the tracker over 48 variants and ten seeds, each seed before two of the twelve grounds, the same with learned
-# evidence, then OpenCV's trackers on some of them. $1: the build folder. About an hour and a half on one idle core; what was judged
+# evidence, then OpenCV's trackers on some of them. $1: the build folder. About ten minutes a set on one idle core; what was judged
 # is kept in the build folder, by the program's own digest, so that a run that was broken off goes on where it was.
 # The photographs are python3-skimage's, the peers python3-opencv's; neither is a part of the build, and without them that part is
 # left out, with a word.
