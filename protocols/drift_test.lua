@@ -65,7 +65,7 @@ local function hold_on(run, rig, p, background, found)
     feedback = alone and p.feedback or "one_camera",
     law = "estimator",
     field = p.field,
-    view = not alone and found.view or nil,
+    view = found.view,
   }
   servo:hold(center)
   rig.sample:insert_robot(center)
