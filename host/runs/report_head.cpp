@@ -113,8 +113,12 @@ std::optional<std::size_t> measure_column(const Table& table) {
   return at ? at : column(table, "tolerance");
 }
 
+/// A verdict without what may follow it: "differs" of "differs, 4.8 spreads".
+std::string_view word_of(std::string_view verdict) { return verdict.substr(0, verdict.find(',')); }
+
 /// Good, bad or neither: by the words that the record's table has; a class of the style sheet.
-std::string_view kind_of_verdict(std::string_view verdict) {
+std::string_view kind_of_verdict(std::string_view whole) {
+  const std::string_view verdict = word_of(whole);
   constexpr std::array kGood{"reproduced", "better", "goal met", "agrees", "kept", "within"};
   constexpr std::array kBad{"differs", "goal missed", "worse", "no answer", "NOT within"};
   if (std::find(kGood.begin(), kGood.end(), verdict) != kGood.end()) return "good";
@@ -136,7 +140,7 @@ Verdicts verdicts_of(const RunData& data) {
     if (!at) continue;
     Verdicts found{&table, *at};
     for (const auto& row : table.rows)
-      if (*at < row.size()) ++found.counts[row[*at]];
+      if (*at < row.size()) ++found.counts[std::string(word_of(row[*at]))];
     return found;
   }
   return {};

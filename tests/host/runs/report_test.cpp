@@ -189,7 +189,8 @@ TEST_F(Report, BeginsWithTheSentenceTheNumberAndItsVerdict) {
        {"where", "what", "thesis", "ours", "measure", "verdict", "why"},
        {{"6.2", "path error", "\u2013", "137 \u00b5m", "at most 300 \u00b5m", "goal met", ""},
         {"5.4", "depth", "249 \u00b5m", "109 \u00b5m", "\u00b1 177 \u00b5m", "reproduced", ""},
-        {"5.4", "width", "1 mm", "2 mm", "\u00b1 0.1 mm", "differs", "why"}}});
+        {"5.4", "width", "1 mm", "2 mm", "\u00b1 0.1 mm", "differs", "why"},
+        {"6.1", "drift", "1 mm", "3 mm", "\u00b1 0.1 mm", "differs, 4.8 spreads", "why"}}});
   recorder.event(Time{0}, "headline", "Square followed to 150 \u00b5m");
   recorder.event(Time{1}, "headline", "Square followed to 137 \u00b5m");
   recorder.finish({Outcome::completed, "", 60, 8});
@@ -200,8 +201,9 @@ TEST_F(Report, BeginsWithTheSentenceTheNumberAndItsVerdict) {
   EXPECT_LT(page.find("<h1>"), number);
   EXPECT_LT(number, first);
   EXPECT_LT(first, page.find("class=\"facts\"")) << "who and when stand at the foot";
-  EXPECT_TRUE(contains(page, "1 differs, 1 goal met, 1 reproduced.")) << "counted apart";
+  EXPECT_TRUE(contains(page, "2 differs, 1 goal met, 1 reproduced.")) << "counted apart";
   EXPECT_TRUE(contains(page, "<b class=\"verdict bad\">differs</b>"));
+  EXPECT_TRUE(contains(page, "<b class=\"verdict bad\">differs, 4.8 spreads</b>"));
   EXPECT_TRUE(contains(page, "<b class=\"verdict good\">goal met</b><br>at most 300"));
   EXPECT_FALSE(contains(page, "in the thesis \u2013")) << "which prints none";
   const std::size_t measure = page.find(">measure<");
