@@ -131,6 +131,11 @@ void GenicamCamera::start() {
 // payload that the camera states.
 void GenicamCamera::open_stream() {
   ArvCamera* const c = camera_.get();
+  // The packet socket, which Aravis takes where the process may (root, CAP_NET_RAW), is handed over
+  // by the kernel in blocks, every 5 ms (tp_retire_blk_tov): each frame came late by up to that,
+  // and dates by arrival with it. A datagram socket wakes its reader by each packet.
+  if (arv_camera_is_gv_device(c) != FALSE)
+    arv_camera_gv_set_stream_options(c, ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
   stream_.reset(
       ask("stream", [c](GError** e) { return arv_camera_create_stream(c, nullptr, nullptr, e); }));
   // "Controller privilege required": a second client may read registers, but gets no stream.

@@ -72,12 +72,19 @@ TEST_F(GigeDouble, KeepsTheContractOfACamera) {
   EXPECT_EQ(contract::check(*driver, *clock, how), Findings{});
 }
 
-/// What the double says of each of its frames, by the ticks of its stamp.
+/// What the double says of each of its frames, by the ticks of its stamp; "first_ns" is when the
+/// first packet left.
 std::map<std::int64_t, Json> frames_of(DoubleProcess& camera) {
-  std::map<std::int64_t, Json> frames;
+  std::map<std::int64_t, Json> by_block;
   const Json told = Json::parse(camera.order(R"({"history": 0})"));
-  for (const Json& line : told["history"])
-    if (line[1] == "frame") frames[line[2]["ticks"].get<std::int64_t>()] = line[2];
+  for (const Json& line : told["history"]) {
+    if (line[1] == "frame") by_block[line[2]["block"].get<std::int64_t>()] = line[2];
+    if (line[1] == "sent")
+      by_block[line[2]["block"].get<std::int64_t>()]["first_ns"] = line[2]["first_ns"];
+  }
+  std::map<std::int64_t, Json> frames;
+  for (const auto& [block, frame] : by_block)
+    if (frame.contains("ticks")) frames[frame["ticks"].get<std::int64_t>()] = frame;
   return frames;
 }
 
@@ -88,12 +95,6 @@ struct Errors {
     std::nth_element(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2),
                      all.end());
     return all[all.size() / 2];
-  }
-  /// By how far half of them are off a number, at most.
-  double around(double middle) const {
-    Errors away;
-    for (const double one : all) away.all.push_back(std::abs(one - middle));
-    return away.median();
   }
   double largest() const { return *std::max_element(all.begin(), all.end()); }
 };
@@ -106,24 +107,21 @@ double monotonic_zero_ns(const Clock& clock) {
                              clock.now().count());
 }
 
-/// How far `of(frame)` is from the middle of the frame's true exposure of 4 ms, ms.
-Errors errors_of(const std::vector<Frame>& frames, const std::map<std::int64_t, Json>& truth,
-                 double zero_ns, const std::function<Time(const Frame&)>& of) {
+/// What the double says of a frame, or nothing and a failure.
+const Json* said_of(const Frame& frame, const std::map<std::int64_t, Json>& truth) {
   constexpr double kTick = 8;  // ns
-  Errors errors;
-  for (const Frame& frame : frames) {
-    const double start = static_cast<double>((frame.device.value_or(0s) - 2ms).count()) / kTick;
-    const auto found = truth.lower_bound(std::llround(start) - 9);  // Aravis rounds to a tick or so
-    if (found == truth.end() || static_cast<double>(found->first) > start + 10) {
-      ADD_FAILURE() << "frame " << frame.number << " is none of the camera's";
-      continue;
-    }
-    const double middle =
-        found->second["start_ns"].get<double>() / 2 + found->second["end_ns"].get<double>() / 2;
-    errors.all.push_back(std::abs(static_cast<double>(of(frame).count()) + zero_ns - middle) *
-                         1e-6);
-  }
-  return errors;
+  const double start = static_cast<double>((frame.device.value_or(0s) - 2ms).count()) / kTick;
+  const auto found = truth.lower_bound(std::llround(start) - 9);  // Aravis rounds to a tick or so
+  if (found != truth.end() && static_cast<double>(found->first) <= start + 10)
+    return &found->second;
+  ADD_FAILURE() << "frame " << frame.number << " is none of the camera's";
+  return nullptr;
+}
+
+/// How far `of(frame)` is behind the middle of the frame's true exposure of 4 ms, ms.
+double behind(Time of, const Json& said, double zero_ns) {
+  const double middle = said["start_ns"].get<double>() / 2 + said["end_ns"].get<double>() / 2;
+  return (static_cast<double>(of.count()) + zero_ns - middle) * 1e-6;
 }
 
 TEST_F(GigeDouble, KnowsWhenAFrameWasExposedThoughItsPacketsJitterByTwentyMilliseconds) {
@@ -135,19 +133,30 @@ TEST_F(GigeDouble, KnowsWhenAFrameWasExposedThoughItsPacketsJitterByTwentyMillis
     std::vector<Frame> frames;
     for (int i = 0; i < 300; ++i) frames.push_back(driver->grab(5s));
     const double zero_ns = monotonic_zero_ns(*clock);
-    frames.erase(frames.begin(), frames.begin() + 100);  // 2 s to learn
     const auto truth = frames_of(camera);
-    Errors dated = errors_of(frames, truth, zero_ns, [](const Frame& f) { return f.exposed; });
-    Errors arrived =
-        errors_of(frames, truth, zero_ns, [](const Frame& f) { return f.received - 3200us; });
+    Errors dated;
+    Errors arrived;
+    // By arrivals alone a constant stays, from the exposure's end to the first packet: as little as
+    // it was for any frame so far, which a busy machine makes more than the readout.
+    const bool alone = std::string(by) == "arrivals";
+    double least = alone ? 1e9 : 0;
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      const Json* said = said_of(frames[i], truth);
+      ASSERT_TRUE(said != nullptr && said->contains("first_ns"));
+      if (alone)
+        least = std::min(
+            least, ((*said)["first_ns"].get<double>() - (*said)["end_ns"].get<double>()) * 1e-6);
+      if (i < 100) continue;  // 2 s to learn
+      dated.all.push_back(std::abs(behind(frames[i].exposed, *said, zero_ns) - least));
+      arrived.all.push_back(
+          std::abs(behind(frames[i].received - 2ms, *said, zero_ns) - (alone ? least : 0)));
+    }
     std::printf(
-        "by %s: exposure known to %.3f ms (median), %.3f (worst of %zu); each arrival alone %.1f, "
-        "%.1f\n",
-        by, dated.median(), dated.largest(), frames.size(), arrived.median(), arrived.largest());
-    // By arrivals alone a constant stays, from the exposure's end to the first packet: readout.
-    const double constant = std::string(by) == "latch" ? 0 : dated.median();
-    EXPECT_LT(dated.around(constant), 0.1);
-    EXPECT_LT(constant, 10);
+        "by %s: exposure known to %.3f ms (median), %.3f (worst of %zu), after %.3f of the least "
+        "way; each arrival alone %.1f, %.1f\n",
+        by, dated.median(), dated.largest(), dated.all.size(), least, arrived.median(),
+        arrived.largest());
+    EXPECT_LT(dated.median(), alone ? 0.5 : 0.1);
     EXPECT_GT(arrived.median(), 1) << "the jitter is not there, and nothing was tested";
   }
 }
