@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace vitreo::control {
 namespace {
@@ -74,7 +75,8 @@ void CoilWatch::Sums::add(const Innovation& innovation, const Eigen::Matrix3d& w
   power += innovation.value.dot(value);
   information += (weight * fault).cwiseProduct(fault).colwise().sum().transpose();
   product += fault.transpose() * value;
-  crossed += fault.transpose() * weighted;
+  // Three terms each: Eigen's blocked product would spend its time in packing them.
+  crossed += fault.transpose().lazyProduct(weighted);
 }
 
 // Exponential forgetting keeps the standing hypothesis' sums of the newest seconds; its signatures
@@ -98,7 +100,7 @@ void CoilWatch::add(const Innovation& innovation, const Eigen::Matrix3d& positio
       Eigen::LLT<Eigen::Matrix3d>(innovation.covariance).solve(Eigen::Matrix3d::Identity());
   off_.follow(position_gain, velocity_gain, span, errors_of(given, turned));
   const ErrorMotions weighted = weight * off_.seen;
-  const ErrorSquare squares = off_.seen.transpose() * weighted;
+  const ErrorSquare squares = off_.seen.transpose().lazyProduct(weighted);
   const Errors explained = weighted.transpose() * innovation.value;
   fade(std::exp(-span / kMemory));
   for (Healthy* sums : {&healthy_, &standing_.healthy}) {
@@ -126,20 +128,27 @@ void CoilWatch::restart(double span) {
 // With N = sum h' S^-1 h + 1 (the errors' information and prior), C = sum s' S^-1 h, n = sum h'
 // S^-1 v, of the first `errors` of them: A - C N^-1 C' and b - C N^-1 n. `noise`: by which S is
 // larger than the filter says.
-CoilWatch::Finding CoilWatch::suspect_of(const Sums& sums, const Healthy& healthy,
-                                         Eigen::Index errors, double noise) const {
-  ErrorSquare known = healthy.squares.topLeftCorner(errors, errors);
+CoilWatch::Finding CoilWatch::suspect_of(const Hypothesis& one, Eigen::Index errors,
+                                         double noise) const {
+  const Sums& sums = *one.sums;
+  ErrorSquare known = one.until->squares.topLeftCorner(errors, errors);
+  Errors explained = one.until->explained.head(errors);
+  if (one.from != nullptr) {
+    known -= one.from->squares.topLeftCorner(errors, errors);
+    explained -= one.from->explained.head(errors);
+  }
   known.diagonal().array() += noise;
-  const Eigen::LLT<ErrorSquare> off(known);
-  const auto crosses = sums.crossed.leftCols(errors);
-  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxErrors, kMaxCoils> crossed =
-      off.solve(crosses.transpose());  // N^-1 C', a column a fault
-  const Errors explained = healthy.explained.head(errors);
-  const Errors found_off = off.solve(explained);
+  // With N = L L' they are A - |L^-1 C'|^2 and b - (L^-1 C')' L^-1 n.
+  const Eigen::LLT<Eigen::Ref<ErrorSquare>> off(known);
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxErrors, kMaxCoils + 1> white(
+      errors, coils_ + 1);
+  white.leftCols(coils_) = sums.crossed.leftCols(errors).transpose();
+  white.col(coils_) = explained;
+  off.matrixL().solveInPlace(white);
   Finding found;
   for (Eigen::Index k = 0; k < coils_; ++k) {
-    const double information = sums.information[k] - crosses.row(k).dot(crossed.col(k));
-    const double product = sums.product[k] - crosses.row(k).dot(found_off);
+    const double information = sums.information[k] - white.col(k).squaredNorm();
+    const double product = sums.product[k] - white.col(k).dot(white.col(coils_));
     // b below 0 would be a coil that carries more than it was given, which amplifiers do not.
     if (!(information > 0) || !(product > 0)) continue;
     const double evidence = product * product / information / noise;
@@ -153,26 +162,25 @@ CoilWatch::Finding CoilWatch::suspect_of(const Sums& sums, const Healthy& health
     }
   }
   // Three coordinates an innovation: about 1 where the filter's covariance is right.
-  const double left = sums.power - explained.dot(found_off) - noise * found.evidence;
+  const double left = sums.power - white.col(coils_).squaredNorm() - noise * found.evidence;
   if (sums.count > 0) found.rest = std::max(1.0, left / (3 * sums.count));
   return found;
 }
 
-// By the filter's own covariance first, then by the size of what that leaves. Gains alone choose
-// the coil and give its lead: the directions would take as much from the one that died as from
-// those beside it. What evidence is left of it when the directions are off too is the evidence that
-// it has; where they favor another coil it is the second's at most.
-CoilWatch::Finding CoilWatch::suspect_of(const Sums& sums, const Healthy& healthy) const {
-  const auto judged = [&](Eigen::Index errors) {
-    Finding found = suspect_of(sums, healthy, errors, 1);
-    const double rest = found.rest;
-    if (rest > 1) found = suspect_of(sums, healthy, errors, rest);
-    found.rest = rest;
-    return found;
-  };
-  Finding found = judged(coils_);
-  if (found.evidence < kAsked) return found;
-  const Finding all = judged(errors_);
+// By the filter's own covariance first, then by the size of what that leaves.
+CoilWatch::Finding CoilWatch::suspect_of(const Hypothesis& one, Eigen::Index errors) const {
+  Finding found = suspect_of(one, errors, 1);
+  const double rest = found.rest;
+  if (rest > 1) found = suspect_of(one, errors, rest);
+  found.rest = rest;
+  return found;
+}
+
+// Gains alone choose the coil and give its lead: the directions would take as much from the one
+// that died as from those beside it. What evidence is left of it when the directions are off too is
+// the evidence that it has; where they favor another coil it is the second's at most.
+CoilWatch::Finding CoilWatch::with_turns(const Hypothesis& one, Finding found) const {
+  const Finding all = suspect_of(one, errors_);
   const double lead = found.evidence - found.next;
   found.evidence = std::min(found.evidence, all.coil == found.coil ? all.evidence : all.next);
   found.next = std::max(0.0, found.evidence - lead);
@@ -180,14 +188,27 @@ CoilWatch::Finding CoilWatch::suspect_of(const Sums& sums, const Healthy& health
 }
 
 CoilWatch::Finding CoilWatch::most_suspect() const {
+  struct Suspect {
+    Hypothesis hypothesis;
+    Finding by_gains;
+  };
+  std::vector<Suspect> suspects;
+  suspects.reserve(begins_.size() + 1);
+  const auto suspect = [&](const Hypothesis& one) {
+    suspects.push_back({one, suspect_of(one, coils_)});
+  };
+  if (standing_.age > kStanding) suspect({&standing_.sums, &standing_.healthy, nullptr});
+  for (const Begin& begin : begins_)
+    if (begin.age >= kYoungest) suspect({&begin.sums, &healthy_, &begin.healthy});
+  // Turns only take from the evidence of gains: where what is left of one is more than the gains'
+  // of the next, the next need not be asked.
+  std::stable_sort(suspects.begin(), suspects.end(), [](const Suspect& a, const Suspect& b) {
+    return a.by_gains.evidence > b.by_gains.evidence;
+  });
   Finding most;
-  if (standing_.age > kStanding) most = suspect_of(standing_.sums, standing_.healthy);
-  Healthy since;
-  for (const Begin& begin : begins_) {
-    if (begin.age < kYoungest) continue;
-    since.squares = healthy_.squares - begin.healthy.squares;
-    since.explained = healthy_.explained - begin.healthy.explained;
-    const Finding found = suspect_of(begin.sums, since);
+  for (const auto& [hypothesis, by_gains] : suspects) {
+    if (by_gains.evidence <= most.evidence) break;
+    const Finding found = by_gains.evidence < kAsked ? by_gains : with_turns(hypothesis, by_gains);
     if (found.evidence > most.evidence) most = found;
   }
   return most;

@@ -104,9 +104,15 @@ class CoilWatch {
   Begin begin() const;
   ErrorMotions errors_of(const CoilMotions& given, const CoilTurns& turned) const;
   void fade(double factor);
-  Finding suspect_of(const Sums& sums, const Healthy& healthy, Eigen::Index errors,
-                     double noise) const;
-  Finding suspect_of(const Sums& sums, const Healthy& healthy) const;
+  /// Of a fault's begin; the healthy coils' sums are those of `until` less those of `from`.
+  struct Hypothesis {
+    const Sums* sums;
+    const Healthy* until;
+    const Healthy* from;  // null: none
+  };
+  Finding suspect_of(const Hypothesis& one, Eigen::Index errors, double noise) const;
+  Finding suspect_of(const Hypothesis& one, Eigen::Index errors) const;
+  Finding with_turns(const Hypothesis& one, Finding by_gains) const;
   void age(double span);
   Eigen::Index coils_;
   Eigen::Index errors_;

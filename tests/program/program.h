@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -9,6 +12,7 @@
 #include <sstream>
 #include <string>
 #include <sys/wait.h>
+#include <system_error>
 #include <thread>
 #include <unistd.h>
 
@@ -34,7 +38,16 @@ class Workplace {
     std::string name = (std::filesystem::temp_directory_path() / "vitreo_program_XXXXXX").string();
     folder_ = mkdtemp(name.data());
   }
-  ~Workplace() { std::filesystem::remove_all(folder_); }
+  /// A run whose server was killed goes on, and writes here for a moment longer.
+  ~Workplace() {
+    std::error_code still_written;
+    for (int tries = 0; tries < 200; ++tries) {
+      std::filesystem::remove_all(folder_, still_written);
+      if (!still_written) return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    ADD_FAILURE() << folder_ << " is still written into: " << still_written.message();
+  }
   const std::filesystem::path& folder() const { return folder_; }
 
   std::string write(const std::string& name, const std::string& text) const {

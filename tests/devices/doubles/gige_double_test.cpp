@@ -156,7 +156,7 @@ TEST_F(GigeDouble, KnowsWhenAFrameWasExposedThoughItsPacketsJitterByTwentyMillis
         "way; each arrival alone %.1f, %.1f\n",
         by, dated.median(), dated.largest(), dated.all.size(), least, arrived.median(),
         arrived.largest());
-    EXPECT_LT(dated.median(), alone ? 0.5 : 0.1);
+    EXPECT_LT(dated.median(), alone ? 1 : 0.1);
     EXPECT_GT(arrived.median(), 1) << "the jitter is not there, and nothing was tested";
   }
 }
