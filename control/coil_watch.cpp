@@ -23,15 +23,14 @@ constexpr double kAsked = 25;
 
 }  // namespace
 
-CoilWatch::CoilWatch(int coils) : coils_(coils), errors_(4 * coils) {
+CoilWatch::CoilWatch(int coils)
+    : coils_(coils), errors_(4 * coils), off_(errors_), standing_(coils_) {
   require(coils > 0 && coils <= kMaxCoils, "coils: must be in [1, kMaxCoils]");
   reset();
 }
 
 CoilWatch::Begin CoilWatch::begin() const {
-  Begin made;
-  const CoilMotions none = CoilMotions::Zero(3, coils_);
-  made.signatures = {none, none, none};
+  Begin made(coils_);
   made.sums.information = made.sums.product = Currents::Zero(coils_);
   made.sums.crossed = Crossed::Zero(coils_, errors_);
   made.healthy = healthy_;
@@ -47,16 +46,19 @@ void CoilWatch::age(double span) {
   while (begins_.front().age > kOldest) begins_.pop_front();
 }
 
-// The filter's error e = true - predicted obeys e := F (I - K H) e + what moved the robot unseen;
-// with a coil that lacks all of its current that is -given. K is position_gain of the filter's last
-// update; velocity_gain is that of disturbance and gain's error together, as a velocity.
+// The filter's error e = true - estimated, of all it estimates, obeys e := (1 - K H) (F e + what
+// moved the robot unseen); with a coil that lacks all of its current that is -given. A fault moves
+// gain and delay too, by which the commands that follow it are seen otherwise.
 template <class Motions>
-void CoilWatch::Signatures<Motions>::follow(const Eigen::Matrix3d& position_gain,
-                                            const Eigen::Matrix3d& velocity_gain, double span,
+void CoilWatch::Signatures<Motions>::follow(const EstimatorUpdate& update, double span,
                                             const Motions& given) {
-  seen = position + span * velocity - given;
-  position = seen - position_gain * seen;
-  velocity -= velocity_gain * seen;
+  seen = position + span * disturbance - given;
+  seen += update.by_gain.lazyProduct(gain) + update.by_delay.lazyProduct(delay);
+  position = seen;
+  position -= update.gain.topRows<3>().lazyProduct(seen);
+  disturbance -= update.gain.middleRows<3>(3).lazyProduct(seen);
+  gain -= update.gain.row(6).lazyProduct(seen);
+  delay -= update.gain.row(7).lazyProduct(seen);
 }
 
 CoilWatch::ErrorMotions CoilWatch::errors_of(const CoilMotions& given,
@@ -92,13 +94,12 @@ void CoilWatch::fade(double factor) {
   standing_.healthy.explained *= factor;
 }
 
-void CoilWatch::add(const Innovation& innovation, const Eigen::Matrix3d& position_gain,
-                    const Eigen::Matrix3d& velocity_gain, double span, const CoilMotions& given,
-                    const CoilTurns& turned) {
+void CoilWatch::add(const Innovation& innovation, const EstimatorUpdate& update, double span,
+                    const CoilMotions& given, const CoilTurns& turned) {
   age(span);
   const Eigen::Matrix3d weight =
       Eigen::LLT<Eigen::Matrix3d>(innovation.covariance).solve(Eigen::Matrix3d::Identity());
-  off_.follow(position_gain, velocity_gain, span, errors_of(given, turned));
+  off_.follow(update, span, errors_of(given, turned));
   const ErrorMotions weighted = weight * off_.seen;
   const ErrorSquare squares = off_.seen.transpose().lazyProduct(weighted);
   const Errors explained = weighted.transpose() * innovation.value;
@@ -108,7 +109,7 @@ void CoilWatch::add(const Innovation& innovation, const Eigen::Matrix3d& positio
     sums->explained += explained;
   }
   const auto see = [&](Begin& one) {
-    one.signatures.follow(position_gain, velocity_gain, span, given);
+    one.signatures.follow(update, span, given);
     one.sums.add(innovation, weight, one.signatures.seen, weighted);
   };
   see(standing_);
@@ -216,8 +217,7 @@ CoilWatch::Finding CoilWatch::most_suspect() const {
 
 void CoilWatch::reset() {
   begins_.clear();
-  const ErrorMotions none = ErrorMotions::Zero(3, errors_);
-  off_ = {none, none, none};
+  off_ = Signatures<ErrorMotions>(errors_);
   healthy_ = {ErrorSquare::Zero(errors_, errors_), Errors::Zero(errors_)};
   standing_ = begin();
 }

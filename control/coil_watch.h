@@ -40,9 +40,8 @@ class CoilWatch {
   /// One measurement that the filter used, `span` s after the one before. `given`: m, what each
   /// coil's current moved the robot since then, as believed. `turned`: what the directions of their
   /// fields add to it; no column: they are known.
-  void add(const Innovation& innovation, const Eigen::Matrix3d& position_gain,
-           const Eigen::Matrix3d& velocity_gain, double span, const CoilMotions& given,
-           const CoilTurns& turned = CoilTurns(3, 0));
+  void add(const Innovation& innovation, const EstimatorUpdate& update, double span,
+           const CoilMotions& given, const CoilTurns& turned = CoilTurns(3, 0));
   /// One from which the filter began anew: its position is what was measured, the rest is kept.
   void restart(double span);
   struct Finding {
@@ -70,15 +69,24 @@ class CoilWatch {
   using ErrorSquare =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxErrors, kMaxErrors>;
   using Crossed = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxCoils, kMaxErrors>;
-  /// Error of the filter's prediction per unit of lack, or of a healthy coil's error over its
-  /// standard deviation, a column each.
+  /// Error of the filter's state per unit of lack, or of a healthy coil's error over its standard
+  /// deviation, a column each.
   template <class Motions>
   struct Signatures {
-    Motions position;  // m
-    Motions velocity;  // m/s
-    Motions seen;      // m, in the last innovation
-    void follow(const Eigen::Matrix3d& position_gain, const Eigen::Matrix3d& velocity_gain,
-                double span, const Motions& given);
+    using Row =
+        Eigen::Matrix<double, 1, Eigen::Dynamic, Eigen::RowMajor, 1, Motions::MaxColsAtCompileTime>;
+    explicit Signatures(Eigen::Index columns)
+        : position(Motions::Zero(3, columns)),
+          disturbance(position),
+          gain(Row::Zero(columns)),
+          delay(gain),
+          seen(position) {}
+    Motions position;     // m
+    Motions disturbance;  // m/s
+    Row gain;             // of the response
+    Row delay;            // s
+    Motions seen;         // m, in the last innovation
+    void follow(const EstimatorUpdate& update, double span, const Motions& given);
   };
   /// Sums over the innovations, weighted by S^-1, of the healthy coils' signatures.
   struct Healthy {
@@ -96,6 +104,7 @@ class CoilWatch {
              const ErrorMotions& weighted);
   };
   struct Begin {
+    explicit Begin(Eigen::Index coils) : signatures(coils) {}
     double age = 0;  // s
     Signatures<CoilMotions> signatures;
     Sums sums;

@@ -117,6 +117,8 @@ PositionEstimator::Prediction PositionEstimator::predict(double time) const {
     curved = gain * (later + sooner - 2 * motion.moved) / 2;
   }
   // F P, then (F P) F': F differs from 1 in the rows of the position only.
+  next.by_gain = motion.moved;
+  next.by_delay = by_delay;
   Eigen::Matrix<double, 3, 2> by_model;
   by_model << motion.moved, by_delay;
   Covariance& p = next.covariance;
@@ -219,6 +221,7 @@ bool PositionEstimator::update(const PositionMeasurement& measurement,
   position_gain_ = gain.middleRows<3>(kP);
   // d + g u is the velocity: a wrong gain at a steady command is a disturbance along it.
   velocity_gain_ = gain.middleRows<3>(kD) + predicted.commanded * gain.row(kG);
+  last_update_ = {gain, predicted.by_gain, predicted.by_delay};
   state_ += gain * innovation.value;
   // Joseph form, P := (1 - K H) P (1 - K H)' + K R K': positive whatever the rounding of K.
   // 1 - K H differs from 1 in its first three columns.

@@ -62,6 +62,16 @@ struct Innovation {
   double normalized = 0;  // squared Mahalanobis distance; 3 in the mean where the filter is right
 };
 
+/// The last update, linearized: an error e of the state became e := F e, then (1 - K H) e, with
+/// F = [1, t 1, by_gain, by_delay; 0, 1, 0, 0; ...].
+struct EstimatorUpdate {
+  // K, a column a coordinate of the innovation: 3 rows of position, 3 of disturbance (1/s), gain
+  // (1/m), delay (s/m).
+  Eigen::Matrix<double, 8, 3> gain = Eigen::Matrix<double, 8, 3>::Zero();
+  Eigen::Vector3d by_gain{0, 0, 0};   // m: the commanded motion
+  Eigen::Vector3d by_delay{0, 0, 0};  // m/s
+};
+
 /// Kalman filter of x = [p; d; g; tau]:
 ///   p' = d + (1 + g) u(t - delay - tau),  d', g', tau' = white noise,
 /// u the commanded velocity behind delay and lag, g the gain's error and tau the delay's, both
@@ -93,6 +103,7 @@ class PositionEstimator {
   /// (disturbance and gain together); 1 and 1/s.
   const Eigen::Matrix3d& position_gain() const { return position_gain_; }
   const Eigen::Matrix3d& velocity_gain() const { return velocity_gain_; }
+  const EstimatorUpdate& last_update() const { return last_update_; }
   /// Gain or delay met its bound at the last update: it is put there, with a fifth of the first
   /// standard deviation.
   bool at_bound() const { return at_bound_; }
@@ -109,6 +120,8 @@ class PositionEstimator {
     State state;
     Covariance covariance;
     Eigen::Vector3d commanded;  // m/s at its end
+    Eigen::Vector3d by_gain;    // EstimatorUpdate
+    Eigen::Vector3d by_delay;
   };
   CommandHistory::Motion commanded_motion(double time, double shift) const;
   Prediction predict(double time) const;
@@ -126,6 +139,7 @@ class PositionEstimator {
   State state_ = State::Zero();
   Covariance covariance_ = Covariance::Zero();
   std::optional<Innovation> innovation_;
+  EstimatorUpdate last_update_;
   Eigen::Matrix3d position_gain_ = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d velocity_gain_ = Eigen::Matrix3d::Zero();
 };

@@ -114,8 +114,8 @@ void LoopWatch::measured(double time, const control::PositionEstimator& filter, 
   else if (restarted)
     coils_.restart(span);
   else
-    coils_.add(*filter.innovation(), filter.position_gain(), filter.velocity_gain(), span,
-               moved.leftCols(moved.cols() / 4), moved.rightCols(3 * moved.cols() / 4));
+    coils_.add(*filter.innovation(), filter.last_update(), span, moved.leftCols(moved.cols() / 4),
+               moved.rightCols(3 * moved.cols() / 4));
   last_ = time;
   suspect(time);
 }

@@ -177,7 +177,9 @@ struct FixedFilter {
     innovation.value = truth - p;
     for (double& one : innovation.value) one += kNoise * normal(random);
     innovation.covariance = 1.5 * kNoise * kNoise * Eigen::Matrix3d::Identity();
-    watch.add(innovation, gain_p, gain_v, kPeriod, given, turned);
+    EstimatorUpdate update;
+    update.gain << gain_p, gain_v, Eigen::Matrix<double, 2, 3>::Zero();
+    watch.add(innovation, update, kPeriod, given, turned);
     p += gain_p * innovation.value;
     v += gain_v * innovation.value;
   }
