@@ -24,7 +24,7 @@ constexpr double kAsked = 25;
 }  // namespace
 
 CoilWatch::CoilWatch(int coils)
-    : coils_(coils), errors_(4 * coils), off_(errors_), standing_(coils_) {
+    : coils_(coils), errors_(4 * coils), off_(errors_), known_(1), standing_(coils_) {
   require(coils > 0 && coils <= kMaxCoils, "coils: must be in [1, kMaxCoils]");
   reset();
 }
@@ -70,11 +70,11 @@ CoilWatch::ErrorMotions CoilWatch::errors_of(const CoilMotions& given,
 }
 
 // `weighted`: S^-1 h.
-void CoilWatch::Sums::add(const Innovation& innovation, const Eigen::Matrix3d& weight,
+void CoilWatch::Sums::add(const Eigen::Vector3d& innovation, const Eigen::Matrix3d& weight,
                           const CoilMotions& fault, const ErrorMotions& weighted) {
-  const Eigen::Vector3d value = weight * innovation.value;
+  const Eigen::Vector3d value = weight * innovation;
   count += 1;
-  power += innovation.value.dot(value);
+  power += innovation.dot(value);
   information += (weight * fault).cwiseProduct(fault).colwise().sum().transpose();
   product += fault.transpose() * value;
   // Three terms each: Eigen's blocked product would spend its time in packing them.
@@ -100,9 +100,15 @@ void CoilWatch::add(const Innovation& innovation, const EstimatorUpdate& update,
   const Eigen::Matrix3d weight =
       Eigen::LLT<Eigen::Matrix3d>(innovation.covariance).solve(Eigen::Matrix3d::Identity());
   off_.follow(update, span, errors_of(given, turned));
+  known_.follow(update, span, Eigen::Vector3d::Zero());
+  known_.position -= update.bounded.head<3>();
+  known_.disturbance -= update.bounded.segment<3>(3);
+  known_.gain[0] -= update.bounded[6];
+  known_.delay[0] -= update.bounded[7];
+  const Eigen::Vector3d value = innovation.value - known_.seen;
   const ErrorMotions weighted = weight * off_.seen;
   const ErrorSquare squares = off_.seen.transpose().lazyProduct(weighted);
-  const Errors explained = weighted.transpose() * innovation.value;
+  const Errors explained = weighted.transpose() * value;
   fade(std::exp(-span / kMemory));
   for (Healthy* sums : {&healthy_, &standing_.healthy}) {
     sums->squares += squares;
@@ -110,7 +116,7 @@ void CoilWatch::add(const Innovation& innovation, const EstimatorUpdate& update,
   }
   const auto see = [&](Begin& one) {
     one.signatures.follow(update, span, given);
-    one.sums.add(innovation, weight, one.signatures.seen, weighted);
+    one.sums.add(value, weight, one.signatures.seen, weighted);
   };
   see(standing_);
   for (Begin& begin : begins_) see(begin);
@@ -122,6 +128,7 @@ void CoilWatch::restart(double span) {
   // The filter's place is right again by what was measured; what it believes of the velocity is as
   // it was, and so is its error.
   off_.position.setZero();
+  known_.position.setZero();
   standing_.signatures.position.setZero();
   for (Begin& begin : begins_) begin.signatures.position.setZero();
 }
@@ -218,6 +225,7 @@ CoilWatch::Finding CoilWatch::most_suspect() const {
 void CoilWatch::reset() {
   begins_.clear();
   off_ = Signatures<ErrorMotions>(errors_);
+  known_ = Signatures<Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 1>>(1);
   healthy_ = {ErrorSquare::Zero(errors_, errors_), Errors::Zero(errors_)};
   standing_ = begin();
 }

@@ -100,8 +100,8 @@ class CoilWatch {
     Currents information;  // s_k' s_k
     Currents product;      // s_k' v
     Crossed crossed;       // s_k' h_j
-    void add(const Innovation& innovation, const Eigen::Matrix3d& weight, const CoilMotions& fault,
-             const ErrorMotions& weighted);
+    void add(const Eigen::Vector3d& innovation, const Eigen::Matrix3d& weight,
+             const CoilMotions& fault, const ErrorMotions& weighted);
   };
   struct Begin {
     explicit Begin(Eigen::Index coils) : signatures(coils) {}
@@ -126,9 +126,11 @@ class CoilWatch {
   Eigen::Index coils_;
   Eigen::Index errors_;
   Signatures<ErrorMotions> off_;  // what healthy coils are off by, since ever
-  Healthy healthy_;               // since ever
-  Begin standing_;                // as if it had always been so, with faded sums
-  std::deque<Begin> begins_;      // the oldest first
+  // One column: the error that the filter's own bounds gave its state, whatever the coils do.
+  Signatures<Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 1>> known_;
+  Healthy healthy_;           // since ever
+  Begin standing_;            // as if it had always been so, with faded sums
+  std::deque<Begin> begins_;  // the oldest first
 };
 
 }  // namespace vitreo::control

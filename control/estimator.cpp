@@ -221,8 +221,8 @@ bool PositionEstimator::update(const PositionMeasurement& measurement,
   position_gain_ = gain.middleRows<3>(kP);
   // d + g u is the velocity: a wrong gain at a steady command is a disturbance along it.
   velocity_gain_ = gain.middleRows<3>(kD) + predicted.commanded * gain.row(kG);
-  last_update_ = {gain, predicted.by_gain, predicted.by_delay};
   state_ += gain * innovation.value;
+  const State unbounded = state_;
   // Joseph form, P := (1 - K H) P (1 - K H)' + K R K': positive whatever the rounding of K.
   // 1 - K H differs from 1 in its first three columns.
   Covariance left = predicted.covariance - gain * predicted.covariance.topRows<3>();
@@ -234,6 +234,7 @@ bool PositionEstimator::update(const PositionMeasurement& measurement,
   covariance_ = (left + left.transpose()) / 2;
   keep_in_bounds();
   keep_certain();
+  last_update_ = {gain, predicted.by_gain, predicted.by_delay, state_ - unbounded};
   return true;
 }
 

@@ -62,7 +62,7 @@ struct Innovation {
   double normalized = 0;  // squared Mahalanobis distance; 3 in the mean where the filter is right
 };
 
-/// The last update, linearized: an error e of the state became e := F e, then (1 - K H) e, with
+/// The last update, linearized: an error e of the state became e := (1 - K H) F e - bounded, with
 /// F = [1, t 1, by_gain, by_delay; 0, 1, 0, 0; ...].
 struct EstimatorUpdate {
   // K, a column a coordinate of the innovation: 3 rows of position, 3 of disturbance (1/s), gain
@@ -70,6 +70,8 @@ struct EstimatorUpdate {
   Eigen::Matrix<double, 8, 3> gain = Eigen::Matrix<double, 8, 3>::Zero();
   Eigen::Vector3d by_gain{0, 0, 0};   // m: the commanded motion
   Eigen::Vector3d by_delay{0, 0, 0};  // m/s
+  // What the bounds of gain, delay and disturbance added to the state.
+  Eigen::Matrix<double, 8, 1> bounded = Eigen::Matrix<double, 8, 1>::Zero();
 };
 
 /// Kalman filter of x = [p; d; g; tau]:

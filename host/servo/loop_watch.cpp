@@ -19,6 +19,9 @@ constexpr double kSure = 0.2;  // s, for which one coil must be the suspect befo
 // s after the first measurement, in which the filter finds out gain and delay and the robot may
 // fall: what coils do is not heard before.
 constexpr double kQuiet = 6;
+// s before now, of which the loop's delay is taken: a fault moves the filter's estimate of it, by a
+// tenth of a second within one, and the oldest begin that is tried is four seconds ago.
+constexpr double kBefore = 4;
 constexpr double kClears = 5;  // s without suspicion after which its name is taken back
 
 /// s, since when something is so; below 0 where it is not.
@@ -96,7 +99,9 @@ void LoopWatch::measured(double time, const control::PositionEstimator& filter, 
                          bool restarted) {
   // `delay` is the filter's estimate of the delay beyond the believed one: what moved the robot
   // until `time` are commands from that much earlier. No command acts before it is given.
-  const double shift = std::max(delay, -model_.command_delay);
+  delays_.emplace_back(time, std::max(delay, -model_.command_delay));
+  while (delays_.size() > 1 && delays_[1].first <= time - kBefore) delays_.pop_front();
+  const double shift = delays_.front().second;
   const double span = last_ ? time - *last_ : 0;
   Velocities moved(3, static_cast<Eigen::Index>(given_.size()));
   for (std::size_t k = 0; k < given_.size(); ++k) {
@@ -160,6 +165,7 @@ void LoopWatch::reset() {
   motion_.reset();
   coils_.reset();
   for (control::CommandHistory& coil : given_) coil.clear();
+  delays_.clear();
   last_.reset();
   heard_from_ = 0;
   followed_from_ = -1e9;

@@ -10,7 +10,9 @@
 
 #include <Eigen/Core>
 
+#include <deque>
 #include <optional>
+#include <utility>
 #include <vector>
 
 namespace vitreo {
@@ -74,9 +76,10 @@ class LoopWatch {
   control::CoilWatch coils_;
   // m/s: of each coil's current, then m/s/rad of turns about x, of those about y, about z
   std::vector<control::CommandHistory> given_;
-  std::vector<Eigen::Vector3d> flowing_;  // m/s, behind the lag
-  std::optional<double> last_;            // s, of the measurement before
-  double heard_from_ = 0;                 // s, before which coils are not judged
+  std::vector<Eigen::Vector3d> flowing_;          // m/s, behind the lag
+  std::deque<std::pair<double, double>> delays_;  // s: time, and the delay as it was estimated then
+  std::optional<double> last_;                    // s, of the measurement before
+  double heard_from_ = 0;                         // s, before which coils are not judged
   bool may_touch_ = false;
   double followed_from_ = -1e9;  // s, before which motion is not
   double capped_since_ = -1;     // s; below 0: not
