@@ -20,6 +20,47 @@ constexpr double kHealthyTurn = 0.022;
 // Evidence against gains alone below which the rest is not asked for: it explains more, so that
 // less is left, and takes a hundred times as long.
 constexpr double kAsked = 25;
+// Lacks that are looked for: from a hundredth to twice of what was given, which is a coil whose
+// leads are exchanged, and a little beyond.
+constexpr double kLeast = 0.01;
+constexpr double kMost = 2.5;
+
+/// Sums of a coil's signature s c + t c^2, healthy coils' errors marginalized.
+struct SignatureSums {
+  double linear, curved;                     // s' v, t' v
+  double information, mixed, curved_square;  // s' s, s' t, t' t
+  /// 2 ln of the likelihood ratio of a lack c.
+  double ratio(double c) const {
+    return c * (2 * linear + c * (2 * curved - information - c * (2 * mixed + c * curved_square)));
+  }
+  double slope(double c) const {
+    return 2 * linear +
+           c * (4 * curved - 2 * information - c * (6 * mixed + 4 * c * curved_square));
+  }
+  double bend(double c) const {
+    return 4 * curved - 2 * information - c * (12 * mixed + 12 * c * curved_square);
+  }
+};
+
+struct Lack {
+  double part = 0;
+  double ratio = 0;
+};
+
+// Where the signature is straight, one step of Newton is exact. A lack below 0 would be a coil that
+// carries more than it was given, which amplifiers do not.
+Lack most_probable(const SignatureSums& sums) {
+  Lack most;
+  for (const double about : {0.25, 0.5, 0.75, 1.0, 1.5, 2.0})
+    if (const double ratio = sums.ratio(about); ratio > most.ratio) most = {about, ratio};
+  if (most.part == 0) most.part = kLeast;
+  for (int step = 0; step < 2 && sums.bend(most.part) < 0; ++step) {
+    const double part = most.part - sums.slope(most.part) / sums.bend(most.part);
+    const double ratio = sums.ratio(std::clamp(part, kLeast, kMost));
+    if (ratio > most.ratio) most = {std::clamp(part, kLeast, kMost), ratio};
+  }
+  return most;
+}
 
 }  // namespace
 
@@ -31,8 +72,6 @@ CoilWatch::CoilWatch(int coils)
 
 CoilWatch::Begin CoilWatch::begin() const {
   Begin made(coils_);
-  made.sums.information = made.sums.product = Currents::Zero(coils_);
-  made.sums.crossed = Crossed::Zero(coils_, errors_);
   made.healthy = healthy_;
   return made;
 }
@@ -64,18 +103,31 @@ void CoilWatch::Signatures<Motions>::follow(const EstimatorUpdate& update, doubl
 CoilWatch::ErrorMotions CoilWatch::errors_of(const CoilMotions& given,
                                              const CoilTurns& turned) const {
   ErrorMotions off = ErrorMotions::Zero(3, errors_);
-  off.leftCols(coils_) = kHealthyGain * given;
+  off.leftCols(coils_) = kHealthyGain * given.linear;
   if (turned.cols() > 0) off.rightCols(3 * coils_) = kHealthyTurn * turned;
   return off;
 }
 
+CoilWatch::Sums::Sums(Eigen::Index coils)
+    : information(FaultSums::Zero(2 * coils)),
+      mixed(Currents::Zero(coils)),
+      product(information),
+      crossed(Crossed::Zero(2 * coils, 4 * coils)) {}
+
 // `weighted`: S^-1 h.
 void CoilWatch::Sums::add(const Eigen::Vector3d& innovation, const Eigen::Matrix3d& weight,
-                          const CoilMotions& fault, const ErrorMotions& weighted) {
+                          const Faults& fault, const ErrorMotions& weighted) {
   const Eigen::Vector3d value = weight * innovation;
   count += 1;
   power += innovation.dot(value);
-  information += (weight * fault).cwiseProduct(fault).colwise().sum().transpose();
+  const Faults weighted_fault = weight * fault;
+  const Eigen::Index coils = mixed.size();
+  information += weighted_fault.cwiseProduct(fault).colwise().sum().transpose();
+  mixed += weighted_fault.leftCols(coils)
+               .cwiseProduct(fault.rightCols(coils))
+               .colwise()
+               .sum()
+               .transpose();
   product += fault.transpose() * value;
   // Three terms each: Eigen's blocked product would spend its time in packing them.
   crossed += fault.transpose().lazyProduct(weighted);
@@ -88,6 +140,7 @@ void CoilWatch::fade(double factor) {
   sums.count *= factor;
   sums.power *= factor;
   sums.information *= factor;
+  sums.mixed *= factor;
   sums.product *= factor;
   sums.crossed *= factor;
   standing_.healthy.squares *= factor;
@@ -114,8 +167,11 @@ void CoilWatch::add(const Innovation& innovation, const EstimatorUpdate& update,
     sums->squares += squares;
     sums->explained += explained;
   }
+  Faults faults = Faults::Zero(3, 2 * coils_);
+  faults.leftCols(coils_) = given.linear;
+  if (given.curved.cols() > 0) faults.rightCols(coils_) = given.curved;
   const auto see = [&](Begin& one) {
-    one.signatures.follow(update, span, given);
+    one.signatures.follow(update, span, faults);
     one.sums.add(value, weight, one.signatures.seen, weighted);
   };
   see(standing_);
@@ -148,29 +204,32 @@ CoilWatch::Finding CoilWatch::suspect_of(const Hypothesis& one, Eigen::Index err
   known.diagonal().array() += noise;
   // With N = L L' they are A - |L^-1 C'|^2 and b - (L^-1 C')' L^-1 n.
   const Eigen::LLT<Eigen::Ref<ErrorSquare>> off(known);
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxErrors, kMaxCoils + 1> white(
-      errors, coils_ + 1);
-  white.leftCols(coils_) = sums.crossed.leftCols(errors).transpose();
-  white.col(coils_) = explained;
+  const Eigen::Index both = 2 * coils_;
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxErrors, 2 * kMaxCoils + 1> white(
+      errors, both + 1);
+  white.leftCols(both) = sums.crossed.leftCols(errors).transpose();
+  white.col(both) = explained;
   off.matrixL().solveInPlace(white);
+  const FaultSums information =
+      sums.information - white.leftCols(both).colwise().squaredNorm().transpose();
+  const FaultSums product = sums.product - white.leftCols(both).transpose() * white.col(both);
   Finding found;
   for (Eigen::Index k = 0; k < coils_; ++k) {
-    const double information = sums.information[k] - white.col(k).squaredNorm();
-    const double product = sums.product[k] - white.col(k).dot(white.col(coils_));
-    // b below 0 would be a coil that carries more than it was given, which amplifiers do not.
-    if (!(information > 0) || !(product > 0)) continue;
-    const double evidence = product * product / information / noise;
+    const double mixed = sums.mixed[k] - white.col(k).dot(white.col(coils_ + k));
+    const Lack lack = most_probable(
+        {product[k], product[coils_ + k], information[k], mixed, information[coils_ + k]});
+    const double evidence = lack.ratio / noise;
     if (evidence > found.evidence) {
       found.next = found.evidence;
       found.coil = static_cast<int>(k) + 1;
-      found.lack = product / information;
+      found.lack = lack.part;
       found.evidence = evidence;
     } else if (evidence > found.next) {
       found.next = evidence;
     }
   }
   // Three coordinates an innovation: about 1 where the filter's covariance is right.
-  const double left = sums.power - white.col(coils_).squaredNorm() - noise * found.evidence;
+  const double left = sums.power - white.col(both).squaredNorm() - noise * found.evidence;
   if (sums.count > 0) found.rest = std::max(1.0, left / (3 * sums.count));
   return found;
 }

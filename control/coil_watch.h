@@ -12,8 +12,15 @@
 
 namespace vitreo::control {
 
-/// m, a column a coil.
-using CoilMotions = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxCoils>;
+/// m: what each coil's current moved the robot, a column a coil. With a part c of it lacking, that
+/// much of the motion is missing:
+///   c linear + c^2 curved,
+/// since the robot's moment follows the field that is left. No column of `curved`: 0.
+struct CoilMotions {
+  using Columns = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxCoils>;
+  Columns linear;
+  Columns curved = Columns(3, 0);
+};
 /// m/rad: what it would add to the motion that each coil's field is turned where the robot is,
 /// about x (a column a coil), then about y, then about z.
 using CoilTurns = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3 * kMaxCoils>;
@@ -22,17 +29,18 @@ using CoilTurns = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3 * kMaxCoils>;
 /// within the last seconds, or long ago, among coils that all are a little off. What a coil fails
 /// to do moves the robot; through the filter's own gains that leaves a signature in the innovations
 /// v of covariance S:
-///   v = s_k c + sum_j h_j e_j + noise,   e_j ~ N(0, sigma_j^2),
-/// s_k the signature of a lack c of coil k since the fault's begin, h_j those of what healthy coils
-/// are off by since ever: four a coil, its gain and the direction of its field (a turn about three
-/// axes). The second moves the robot across what the coil was given, as much as the first along it.
-/// With all sums taken since the begin, A = sum s' S^-1 s, b = sum s' S^-1 v, and the errors e of
-/// healthy coils marginalized (a Schur complement), the most probable lack is c = b / A, and 2 ln
-/// of the likelihood ratio is b^2 / A. So where the allocation goes over to other currents, or the
-/// axis turns, a coil that carries a twentieth of the whole is not accused of what all the others'
-/// errors explain, and a tone in the null space of the allocation (FieldAllocator::tone), in which
-/// all carry alike, still keeps every coil apart from the others. The gains alone choose the coil
-/// and its lead over the next; its evidence is what is left of it when all four errors are allowed.
+///   v = s_k c + t_k c^2 + sum_j h_j e_j + noise,   e_j ~ N(0, sigma_j^2),
+/// s_k, t_k the signature of a lack c of coil k since the fault's begin, h_j those of what healthy
+/// coils are off by since ever: four a coil, its gain and the direction of its field (a turn about
+/// three axes). The second moves the robot across what the coil was given, as much as the first
+/// along it. With all sums taken since the begin and the errors e of healthy coils marginalized (a
+/// Schur complement), 2 ln of the likelihood ratio is a polynomial of fourth degree in c; its
+/// largest value is the coil's evidence, there where c is the most probable lack. So where the
+/// allocation goes over to other currents, or the axis turns, a coil that carries a twentieth of
+/// the whole is not accused of what all the others' errors explain, and a tone in the null space of
+/// the allocation (FieldAllocator::tone), in which all carry alike, still keeps every coil apart
+/// from the others. The gains alone choose the coil and its lead over the next; its evidence is
+/// what is left of it when all four errors are allowed.
 class CoilWatch {
  public:
   /// Throws std::invalid_argument.
@@ -64,11 +72,15 @@ class CoilWatch {
   static constexpr double kMemory = 2.5;            // s, of the one that began long ago
   static constexpr double kStanding = 10;           // s, until that one is heard
   static constexpr int kMaxErrors = 4 * kMaxCoils;  // the gains first
+  // Of each coil the linear part, then of each the curved one.
+  using Faults = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 2 * kMaxCoils>;
+  using FaultSums = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxCoils, 1>;
   using Errors = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxErrors, 1>;
   using ErrorMotions = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxErrors>;
   using ErrorSquare =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxErrors, kMaxErrors>;
-  using Crossed = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxCoils, kMaxErrors>;
+  using Crossed =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxCoils, kMaxErrors>;
   /// Error of the filter's state per unit of lack, or of a healthy coil's error over its standard
   /// deviation, a column each.
   template <class Motions>
@@ -95,18 +107,20 @@ class CoilWatch {
   };
   /// Sums since a begin, weighted by S^-1.
   struct Sums {
-    double count = 0;      // innovations
-    double power = 0;      // v' v
-    Currents information;  // s_k' s_k
-    Currents product;      // s_k' v
-    Crossed crossed;       // s_k' h_j
-    void add(const Eigen::Vector3d& innovation, const Eigen::Matrix3d& weight,
-             const CoilMotions& fault, const ErrorMotions& weighted);
+    explicit Sums(Eigen::Index coils);
+    double count = 0;       // innovations
+    double power = 0;       // v' v
+    FaultSums information;  // s_k' s_k, t_k' t_k
+    Currents mixed;         // s_k' t_k
+    FaultSums product;      // s_k' v, t_k' v
+    Crossed crossed;        // s_k' h_j, t_k' h_j
+    void add(const Eigen::Vector3d& innovation, const Eigen::Matrix3d& weight, const Faults& fault,
+             const ErrorMotions& weighted);
   };
   struct Begin {
-    explicit Begin(Eigen::Index coils) : signatures(coils) {}
+    explicit Begin(Eigen::Index coils) : signatures(2 * coils), sums(coils) {}
     double age = 0;  // s
-    Signatures<CoilMotions> signatures;
+    Signatures<Faults> signatures;
     Sums sums;
     Healthy healthy;  // until its begin; of the standing one since ever, faded
   };

@@ -25,7 +25,9 @@ constexpr double kAboveNoise = 3;
 constexpr double kPerVelocity = 0.1;
 constexpr double kPerTurning = 0.2e-3;
 constexpr double kAfterTurn = 5;  // s
-constexpr double kTurnSpan = 1;   // s: over which a turn's rate is the mean, so that a leap is one
+// m/rad: what a turn may ask of a sound loop without moving it, as the field's error turns too.
+constexpr double kToldPerTurn = 0.3e-3;
+constexpr double kTurnSpan = 1;  // s: over which a turn's rate is the mean, so that a leap is one
 
 /// Least squares: without mean and trend.
 void detrend(std::vector<double>& values) {
@@ -134,17 +136,21 @@ void MotionWatch::look() {
   standing_ = false;
   if (end - lately_.front().time < kStandingWindow + kCaught) return;
   Eigen::Vector3d told = Eigen::Vector3d::Zero();
+  double turned = 0;  // rad
   const WatchedMotion* before = nullptr;
   const WatchedMotion* first = nullptr;
   for (const WatchedMotion& one : lately_) {
     if (one.time < end - kStandingWindow) continue;
     if (first == nullptr) first = &one;
-    if (before != nullptr) told += (one.time - before->time) * before->wanted;
+    if (before != nullptr) {
+      told += (one.time - before->time) * before->wanted;
+      turned += (one.time - before->time) * one.turning;
+    }
     before = &one;
   }
   const double length = told.norm();
   // Way and command are compared along the command: what goes aside, a flow, is no answer to it.
-  if (length < kTold) return;
+  if (length < kTold + kToldPerTurn * turned) return;
   standing_ = told.dot(lately_.back().position - first->position) / length < length / 5;
 }
 

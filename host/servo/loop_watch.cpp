@@ -11,11 +11,11 @@ constexpr double kLong = 3;  // s, for which a cap is a fault and not the way to
 // 2 ln of the likelihood ratio, and by how much more it explains than the next coil does. 45 is
 // seven standard deviations.
 constexpr double kEvidence = 45;
-constexpr double kMargin = 9;
+constexpr double kMargin = 20;
 // Part of a coil's current: below it, gains and places of healthy coils explain as much.
 constexpr double kLeastLack = 0.3;
 constexpr double kMostLack = 2;
-constexpr double kSure = 0.2;  // s, for which one coil must be the suspect before it is named
+constexpr double kSure = 0.4;  // s, for which one coil must be the suspect before it is named
 // s after the first measurement, in which the filter finds out gain and delay and the robot may
 // fall: what coils do is not heard before.
 constexpr double kQuiet = 6;
@@ -49,7 +49,7 @@ LoopWatch::LoopWatch(const RigModel& model)
     : model_(model),
       coils_(model.field.coils()),
       given_(
-          4 * static_cast<std::size_t>(model.field.coils()),
+          kHistories * static_cast<std::size_t>(model.field.coils()),
           control::CommandHistory(model.command_delay, 1 / (2 * M_PI * model.command_bandwidth))),
       flowing_(given_.size(), Eigen::Vector3d::Zero()) {}
 
@@ -72,14 +72,17 @@ LoopWatch::Velocities LoopWatch::velocities(const WatchedCommand& command) const
   const Eigen::Vector3d with_all = force(whole);
   constexpr double kSmall = 0.02;  // rad, over which the force is differenced
   const Eigen::Index coils = command.currents.size();
-  Velocities found(3, 4 * coils);
+  Velocities found(3, kHistories * coils);
   for (Eigen::Index k = 0; k < coils; ++k) {
     const control::FieldGradient its = matrix.col(k) * command.currents[k];
-    // What the robot would lose of its velocity without it.
-    found.col(k) = command.mobility * (with_all - force(whole - its));
+    // What the robot would lose of its velocity without it, and without a half of it: c l + c^2 q.
+    const Eigen::Vector3d all = command.mobility * (with_all - force(whole - its));
+    const Eigen::Vector3d half = command.mobility * (with_all - force(whole - its / 2));
+    found.col(k) = 4 * half - all;
+    found.col(coils + k) = 2 * all - 4 * half;
     for (int axis = 0; axis < 3; ++axis) {
       const control::FieldGradient change = kSmall * turned(its, Eigen::Vector3d::Unit(axis));
-      found.col((1 + axis) * coils + k) =
+      found.col((2 + axis) * coils + k) =
           command.mobility * (force(whole + change) - with_all) / kSmall;
     }
   }
@@ -103,7 +106,8 @@ void LoopWatch::measured(double time, const control::PositionEstimator& filter, 
   while (delays_.size() > 1 && delays_[1].first <= time - kBefore) delays_.pop_front();
   const double shift = delays_.front().second;
   const double span = last_ ? time - *last_ : 0;
-  Velocities moved(3, static_cast<Eigen::Index>(given_.size()));
+  const Eigen::Index coils = model_.field.coils();
+  Velocities moved(3, kHistories * coils);
   for (std::size_t k = 0; k < given_.size(); ++k) {
     if (!last_) flowing_[k] = given_[k].velocity_at(time - shift);
     const auto motion = given_[k].advance(flowing_[k], time - span - shift, time - shift);
@@ -119,8 +123,8 @@ void LoopWatch::measured(double time, const control::PositionEstimator& filter, 
   else if (restarted)
     coils_.restart(span);
   else
-    coils_.add(*filter.innovation(), filter.last_update(), span, moved.leftCols(moved.cols() / 4),
-               moved.rightCols(3 * moved.cols() / 4));
+    coils_.add(*filter.innovation(), filter.last_update(), span,
+               {moved.leftCols(coils), moved.middleCols(coils, coils)}, moved.rightCols(3 * coils));
   last_ = time;
   suspect(time);
 }

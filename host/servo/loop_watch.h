@@ -67,14 +67,17 @@ class LoopWatch {
 
  private:
   void suspect(double time);
-  /// m/s, of each coil in a history's order: the motion that it makes, and by turns of its field.
-  using Velocities = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 4 * control::kMaxCoils>;
+  /// m/s, of each coil in a history's order: the motion that it makes, linear and curved
+  /// (control::CoilMotions), and by turns of its field.
+  static constexpr int kHistories = 5;
+  using Velocities =
+      Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kHistories * control::kMaxCoils>;
   Velocities velocities(const WatchedCommand& command) const;
 
   const RigModel& model_;
   control::MotionWatch motion_;
   control::CoilWatch coils_;
-  // m/s: of each coil's current, then m/s/rad of turns about x, of those about y, about z
+  // m/s: of each coil's current, then curved, then m/s/rad of turns about x, about y, about z
   std::vector<control::CommandHistory> given_;
   std::vector<Eigen::Vector3d> flowing_;          // m/s, behind the lag
   std::deque<std::pair<double, double>> delays_;  // s: time, and the delay as it was estimated then

@@ -175,9 +175,9 @@ void coil_watch(benchmark::State& state) {
   std::vector<Innovation> innovations(kFrames);
   for (int i = 0; i < kFrames; ++i) {
     const auto at = static_cast<std::size_t>(i);
-    given[at] = draw(8, 20e-6);
+    given[at] = {draw(8, 20e-6), draw(8, 5e-6)};
     turned[at] = draw(24, 20e-6);
-    innovations[at].value = draw(1, 5e-6) - (dead ? 1.0 : 0.0) * given[at].col(2);
+    innovations[at].value = draw(1, 5e-6) - (dead ? 1.0 : 0.0) * given[at].linear.col(2);
     innovations[at].covariance = 25e-12 * Eigen::Matrix3d::Identity();
   }
   EstimatorUpdate update;

@@ -129,8 +129,25 @@ TEST(Machines, ACoilThatDiesIsNamedWithinFiveSecondsAndHealthyOnesAreNot) {
   EXPECT_GE(named, 5);
 }
 
-// Of the thesis' PD, whose dead time of 0.17 s allows (pi / 2) / 0.17 s = 9 /s. What a limit cycle
-// is the true place after half a minute decides: the way in rings at lower gains too, and dies.
+// Coils 4 and 6 are each other's like (2 and 8): which of them is weak is told only where the
+// filter's own gain and delay, which a fault moves, and the field that a half of the current leaves
+// are reckoned with. A benchmark of 400 runs names another coil first in 2 to 3 % (30 % before).
+TEST(Machines, ACoilThatIsHalfAsStrongIsNamedAndNotItsLike) {
+  int named = 0, others = 0;
+  for (const int coil : {4, 6})
+    for (std::uint64_t seed = 50001; seed <= 50004; ++seed) {
+      MachineSetting setting;
+      setting.seed = seed;
+      setting.field_max = 20e-3;
+      setting.fault = {coil, 15, 0.5};
+      const MachineResult found = run_machine(setting, Law::now, hold(), 8, 17);
+      named += found.weak_coil == coil && found.weak - 15 < 5 ? 1 : 0;
+      others += found.weak_coil != coil && found.weak_coil != 0 ? 1 : 0;
+    }
+  EXPECT_GE(named, 7);
+  EXPECT_LE(others, 1);
+}
+
 // Machines in each of which a healthy coil was named within 12 s of the first turns while of
 // healthy coils the gains alone were taken to be off.
 TEST(Machines, WhileTheAxisTurnsNoHealthyCoilIsNamedAndADeadOneIs) {
@@ -150,6 +167,8 @@ TEST(Machines, WhileTheAxisTurnsNoHealthyCoilIsNamedAndADeadOneIs) {
   EXPECT_GE(named, 2);
 }
 
+// Of the thesis' PD, whose dead time of 0.17 s allows (pi / 2) / 0.17 s = 9 /s. What a limit cycle
+// is the true place after half a minute decides: the way in rings at lower gains too, and dies.
 TEST(Machines, ALimitCycleIsNamedWithinTenSeconds) {
   int cycling = 0;
   for (int k = 0; k < 4; ++k) {

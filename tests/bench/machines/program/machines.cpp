@@ -223,7 +223,12 @@ int main(int argc, char** argv) {
   if (wanted("dead")) dead_coils(drawn, first, count);
   if (wanted("square_model")) squares(model, first, count, "Square, the model's plant", false);
   if (studies.contains("identify")) identify(drawn, first, count);
-  if (studies.contains("watch")) watch(drawn, first, count);
+  MachineSetting turning = drawn;
+  turning.turning = 0.3;
+  if (studies.contains("watch")) watch(drawn, 0, first, count);
+  if (studies.contains("watch_turning")) watch(turning, 0, first, count);
+  if (studies.contains("watch_weak"))
+    for (const double part : {0.3, 0.5, -1.0}) watch(drawn, part, first, count);
   if (studies.contains("cycles")) cycles(drawn, first, count);
   if (studies.contains("false_alarms")) false_alarms(drawn, first, count);
   if (studies.contains("false_alarms_by_camera"))
@@ -233,11 +238,7 @@ int main(int argc, char** argv) {
       std::printf("\nThe view errs by %.1f mm per radian of pitch", 1e3 * lever);
       false_alarms(camera, first, count);
     }
-  if (studies.contains("false_alarms_turning")) {
-    MachineSetting turning = drawn;
-    turning.turning = 0.3;
-    false_alarms(turning, first, count);
-  }
+  if (studies.contains("false_alarms_turning")) false_alarms(turning, first, count);
   if (studies.contains("field")) field_study(drawn, first, count);
   return 0;
 }

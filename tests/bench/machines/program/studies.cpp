@@ -115,9 +115,11 @@ void identify(const MachineSetting& setting, std::uint64_t first, int count) {
     identify_from(setting, mistake, first, count);
 }
 
-void watch(const MachineSetting& setting, std::uint64_t first, int count) {
+void watch(const MachineSetting& setting, double part, std::uint64_t first, int count) {
   const auto place = control::Trajectory::hold_at({2e-3, 0, 1e-3});
-  std::printf("\nA coil dies while the robot is held: named (that one) after s\n");
+  std::printf(
+      "\nOf one coil's current %.1f flows on while the robot is held%s: named (that one) after s\n",
+      part, setting.turning > 0 ? " and its axis turns" : "");
   std::vector<double> all;
   int wrong = 0;
   for (int coil = 1; coil <= 8; ++coil) {
@@ -125,7 +127,7 @@ void watch(const MachineSetting& setting, std::uint64_t first, int count) {
     for (int k = 0; k < count; ++k) {
       MachineSetting one = setting;
       one.seed = first + static_cast<std::uint64_t>(k);
-      one.fault = {coil, 15, 0};
+      one.fault = {coil, 15, part};
       const MachineResult found = run_machine(one, Law::now, place, 8, 17);
       const bool right = found.weak_coil == coil;
       wrong += found.weak_coil != 0 && !right ? 1 : 0;
@@ -185,9 +187,10 @@ void false_alarms(const MachineSetting& setting, std::uint64_t first, int count)
       if (found.alarms > 0)
         std::printf(
             "  seed %llu %s: %d alarms; coil %d at %.0f s, oscillation %.0f (%.0f um), standstill "
-            "%.0f\n",
+            "%.0f; off by %.0f um at most, at a limit in %.1f %%\n",
             static_cast<unsigned long long>(one.seed), around ? "square" : "hold", found.alarms,
-            found.weak_coil, found.weak, found.oscillation, found.swing * 1e6, found.standstill);
+            found.weak_coil, found.weak, found.oscillation, found.swing * 1e6, found.standstill,
+            found.largest * 1e6, 100 * found.limited);
     }
   std::printf("\nHealthy machines: %d alarms, %d coils named, in %.1f h\n", alarms, coils, hours);
 }
