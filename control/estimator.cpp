@@ -117,15 +117,13 @@ PositionEstimator::Prediction PositionEstimator::predict(double time) const {
     curved = gain * (later + sooner - 2 * motion.moved) / 2;
   }
   // F P, then (F P) F': F differs from 1 in the rows of the position only.
-  next.by_gain = motion.moved;
-  next.by_delay = by_delay;
-  Eigen::Matrix<double, 3, 2> by_model;
-  by_model << motion.moved, by_delay;
+  next.by_model << motion.moved, by_delay;
   Covariance& p = next.covariance;
   p = covariance_;
-  p.topRows<3>() += span * covariance_.middleRows<3>(kD) + by_model * covariance_.bottomRows<2>();
+  p.topRows<3>() +=
+      span * covariance_.middleRows<3>(kD) + next.by_model * covariance_.bottomRows<2>();
   const Eigen::Matrix<double, kStates, 3> columns =
-      span * p.middleCols<3>(kD) + p.rightCols<2>() * by_model.transpose();
+      span * p.middleCols<3>(kD) + p.rightCols<2>() * next.by_model.transpose();
   p.leftCols<3>() += columns;
   const double walk = settings_.disturbance_walk * settings_.disturbance_walk;
   const double position_noise = settings_.position_walk * settings_.position_walk;
@@ -187,6 +185,16 @@ bool PositionEstimator::measure(const PositionMeasurement& measurement) {
   return update(measurement, predicted);
 }
 
+// The gate on the Mahalanobis distance of the innovation. gate_error stands for the model's error:
+// a tracker that is sure to a micrometer must not make the gate as narrow as that.
+bool PositionEstimator::beyond_gate(const Innovation& innovation) const {
+  if (settings_.gate == 0) return false;
+  const Eigen::Matrix3d allowed =
+      innovation.covariance + std::pow(settings_.gate_error, 2) * Eigen::Matrix3d::Identity();
+  return innovation.value.dot(allowed.llt().solve(innovation.value)) >
+         settings_.gate * settings_.gate;
+}
+
 // Kalman update with H = [1 0 0 0]: innovation y - H x, its covariance S = H P H' + R, the gain
 // K = P H' S^-1, and then x += K (y - H x).
 // A rejected measurement leaves the prediction with its grown covariance.
@@ -198,14 +206,9 @@ bool PositionEstimator::update(const PositionMeasurement& measurement,
   const Eigen::LLT<Eigen::Matrix3d> solver(innovation.covariance);
   innovation.normalized = innovation.value.dot(solver.solve(innovation.value));
   innovation_ = innovation;
-  // The gate on the Mahalanobis distance of the innovation. gate_error stands for the model's
-  // error: a tracker that is sure to a micrometer must not make the gate as narrow as that.
-  const Eigen::Matrix3d allowed =
-      innovation.covariance + std::pow(settings_.gate_error, 2) * Eigen::Matrix3d::Identity();
   state_ = predicted.state;
   covariance_ = predicted.covariance;
-  if (settings_.gate > 0 && innovation.value.dot(allowed.llt().solve(innovation.value)) >
-                                settings_.gate * settings_.gate) {
+  if (beyond_gate(innovation)) {
     if (++rejected_ <= kMaxRejected) return false;
     // The model was wrong about the disturbance too, not only about the position: were its
     // covariance kept, the next measurements would be rejected as well, and so on for ever.
@@ -234,7 +237,7 @@ bool PositionEstimator::update(const PositionMeasurement& measurement,
   covariance_ = (left + left.transpose()) / 2;
   keep_in_bounds();
   keep_certain();
-  last_update_ = {gain, predicted.by_gain, predicted.by_delay, state_ - unbounded};
+  last_update_ = {gain, predicted.by_model.col(0), predicted.by_model.col(1), state_ - unbounded};
   return true;
 }
 

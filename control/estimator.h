@@ -121,12 +121,12 @@ class PositionEstimator {
   struct Prediction {
     State state;
     Covariance covariance;
-    Eigen::Vector3d commanded;  // m/s at its end
-    Eigen::Vector3d by_gain;    // EstimatorUpdate
-    Eigen::Vector3d by_delay;
+    Eigen::Vector3d commanded;             // m/s at its end
+    Eigen::Matrix<double, 3, 2> by_model;  // of the position, by gain and delay: EstimatorUpdate
   };
   CommandHistory::Motion commanded_motion(double time, double shift) const;
   Prediction predict(double time) const;
+  bool beyond_gate(const Innovation& innovation) const;
   bool update(const PositionMeasurement& measurement, const Prediction& predicted);
   void start_at(const PositionMeasurement& measurement, const Eigen::Matrix3d& disturbance);
   void keep_in_bounds();

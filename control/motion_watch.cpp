@@ -132,9 +132,13 @@ void MotionWatch::look() {
     for (int axis = 0; axis < 3 && !oscillating_; ++axis)
       oscillating_ = oscillates(axis, count, sound);
   }
-  // Standing under a command.
-  standing_ = false;
-  if (end - lately_.front().time < kStandingWindow + kCaught) return;
+  standing_ = stands();
+}
+
+// Under a command.
+bool MotionWatch::stands() const {
+  const double end = lately_.back().time;
+  if (end - lately_.front().time < kStandingWindow + kCaught) return false;
   Eigen::Vector3d told = Eigen::Vector3d::Zero();
   double turned = 0;  // rad
   const WatchedMotion* before = nullptr;
@@ -150,8 +154,8 @@ void MotionWatch::look() {
   }
   const double length = told.norm();
   // Way and command are compared along the command: what goes aside, a flow, is no answer to it.
-  if (length < kTold + kToldPerTurn * turned) return;
-  standing_ = told.dot(lately_.back().position - first->position) / length < length / 5;
+  if (length < kTold + kToldPerTurn * turned) return false;
+  return told.dot(lately_.back().position - first->position) / length < length / 5;
 }
 
 // The newest `count` errors of one coordinate, taken as evenly spaced, which frames are.

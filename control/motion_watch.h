@@ -47,6 +47,7 @@ class MotionWatch {
 
  private:
   void look();
+  bool stands() const;
   bool oscillates(int axis, std::size_t count, double sound);
   static constexpr double kTold = 0.4e-3;
   std::deque<WatchedMotion> lately_;
