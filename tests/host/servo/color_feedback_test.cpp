@@ -108,6 +108,18 @@ TEST(ColorFeedback, ADriftingPhotographIsAsGoodAsAStillOne) {
   }
 }
 
+// Vessels of the robot's own gray all over the ground, at rest and drifting, against none at rest.
+TEST(ColorFeedback, VesselsOfItsGrayMakeItWorseByLessThanAThird) {
+  const Round still = color_square({}, Feedback::color, 2);
+  for (const double drift : {0.0, 1e-3}) {
+    const Round vessels = color_square({.gray_vessels = true, .drift = drift}, Feedback::color, 2);
+    EXPECT_LT(vessels.path, 1.3 * still.path);
+    EXPECT_EQ(vessels.state, "holding");
+    EXPECT_LT(vessels.worst, kWrong);
+    EXPECT_EQ(vessels.unseen, 0);
+  }
+}
+
 // Over the fovea the outline is found a pixel too large of 23, which one camera takes for depth:
 // the bounds are twice those of a color camera. Before, the robot was lost there.
 TEST(ColorFeedback, AGrayCameraSteersAcrossAFoveaOfTheRobotsGray) {
