@@ -65,8 +65,11 @@ Lack most_probable(const SignatureSums& sums) {
 }  // namespace
 
 CoilWatch::CoilWatch(int coils)
-    : coils_(coils), errors_(4 * coils), off_(errors_), known_(1), standing_(coils_) {
-  require(coils > 0 && coils <= kMaxCoils, "coils: must be in [1, kMaxCoils]");
+    : coils_((require(coils > 0 && coils <= kMaxCoils, "coils: must be in [1, kMaxCoils]"), coils)),
+      errors_(4 * coils_),
+      off_(errors_),
+      known_(1),
+      standing_(coils_) {
   reset();
 }
 

@@ -225,6 +225,7 @@ TEST(CoilWatch, TheCoilThatCarriesLessIsToldWithThePartThatItLacks) {
   EXPECT_GT(found.evidence, 50);
   EXPECT_GT(found.evidence, found.next + 12);
   EXPECT_THROW(CoilWatch(0), std::invalid_argument);
+  EXPECT_THROW(CoilWatch(kMaxCoils + 1), std::invalid_argument);
 }
 
 // Eight coils that are all off by 4 %, a filter as above. After 12 s the allocation goes over from
