@@ -18,7 +18,7 @@ namespace {
 constexpr double kHealthyGain = 0.05;
 constexpr double kHealthyTurn = 0.022;
 // Evidence against gains alone below which the rest is not asked for: it explains more, so that
-// less is left, and takes a hundred times as long.
+// less is left, and takes many times as long.
 constexpr double kAsked = 25;
 // Lacks that are looked for: from a hundredth to twice of what was given, which is a coil whose
 // leads are exchanged, and a little beyond.
@@ -287,7 +287,7 @@ CoilWatch::Finding CoilWatch::most_suspect() const {
 void CoilWatch::reset() {
   begins_.clear();
   off_ = Signatures<ErrorMotions>(errors_);
-  known_ = Signatures<Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 1>>(1);
+  known_ = Signatures<Known>(1);
   healthy_ = {ErrorSquare::Zero(errors_, errors_), Errors::Zero(errors_)};
   standing_ = begin();
 }

@@ -63,7 +63,8 @@ struct Innovation {
 };
 
 /// The last update, linearized: an error e of the state became e := (1 - K H) F e - bounded, with
-/// F = [1, t 1, by_gain, by_delay; 0, 1, 0, 0; ...].
+/// F = [1, t 1, by_gain, by_delay; 0, 1, 0, 0; ...]. Of the span since the last measurement, also
+/// where that one was rejected.
 struct EstimatorUpdate {
   // K, a column a coordinate of the innovation: 3 rows of position, 3 of disturbance (1/s), gain
   // (1/m), delay (s/m).

@@ -132,7 +132,7 @@ TEST(ColorFeedback, AGrayCameraSteersAcrossAFoveaOfTheRobotsGray) {
       EXPECT_EQ(round.state, "holding");
       EXPECT_LT(round.path, 0.52e-3);
       EXPECT_LT(round.worst, 2 * kWrong);
-      EXPECT_LT(round.unseen, 0.05);
+      EXPECT_LT(round.unseen, 0.03);
     }
   }
 }
