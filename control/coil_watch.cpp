@@ -156,12 +156,12 @@ void CoilWatch::add(const Innovation& innovation, const EstimatorUpdate& update,
   const Eigen::Matrix3d weight =
       Eigen::LLT<Eigen::Matrix3d>(innovation.covariance).solve(Eigen::Matrix3d::Identity());
   off_.follow(update, span, errors_of(given, turned));
-  known_.follow(update, span, Eigen::Vector3d::Zero());
-  known_.position -= update.bounded.head<3>();
-  known_.disturbance -= update.bounded.segment<3>(3);
+  known_.follow(update, span, Faults::Zero(3, 1));
+  known_.position.col(0) -= update.bounded.head<3>();
+  known_.disturbance.col(0) -= update.bounded.segment<3>(3);
   known_.gain[0] -= update.bounded[6];
   known_.delay[0] -= update.bounded[7];
-  const Eigen::Vector3d value = innovation.value - known_.seen;
+  const Eigen::Vector3d value = innovation.value - known_.seen.col(0);
   const ErrorMotions weighted = weight * off_.seen;
   const ErrorSquare squares = off_.seen.transpose().lazyProduct(weighted);
   const Errors explained = weighted.transpose() * value;
@@ -287,7 +287,7 @@ CoilWatch::Finding CoilWatch::most_suspect() const {
 void CoilWatch::reset() {
   begins_.clear();
   off_ = Signatures<ErrorMotions>(errors_);
-  known_ = Signatures<Known>(1);
+  known_ = Signatures<Faults>(1);
   healthy_ = {ErrorSquare::Zero(errors_, errors_), Errors::Zero(errors_)};
   standing_ = begin();
 }

@@ -74,7 +74,6 @@ class CoilWatch {
   static constexpr int kMaxErrors = 4 * kMaxCoils;  // the gains first
   // Of each coil the linear part, then of each the curved one.
   using Faults = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 2 * kMaxCoils>;
-  using Known = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 1>;
   using FaultSums = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxCoils, 1>;
   using Errors = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxErrors, 1>;
   using ErrorMotions = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxErrors>;
@@ -141,8 +140,8 @@ class CoilWatch {
   Eigen::Index coils_;
   Eigen::Index errors_;
   Signatures<ErrorMotions> off_;  // what healthy coils are off by, since ever
-  // One column: the error that the filter's own bounds gave its state, whatever the coils do.
-  Signatures<Known> known_;
+  // In its one column the error that the filter's own bounds gave its state, whatever coils do.
+  Signatures<Faults> known_;
   Healthy healthy_;           // since ever
   Begin standing_;            // as if it had always been so, with faded sums
   std::deque<Begin> begins_;  // the oldest first
