@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/coil_watch.h"
 
+#include "control/coil_lack.h"
 #include "control/preconditions.h"
 
 #include <Eigen/Cholesky>
@@ -24,43 +25,6 @@ constexpr double kAsked = 25;
 // leads are exchanged, and a little beyond.
 constexpr double kLeast = 0.01;
 constexpr double kMost = 2.5;
-
-/// Sums of a coil's signature s c + t c^2, healthy coils' errors marginalized.
-struct SignatureSums {
-  double linear, curved;                     // s' v, t' v
-  double information, mixed, curved_square;  // s' s, s' t, t' t
-  /// 2 ln of the likelihood ratio of a lack c.
-  double ratio(double c) const {
-    return c * (2 * linear + c * (2 * curved - information - c * (2 * mixed + c * curved_square)));
-  }
-  double slope(double c) const {
-    return 2 * linear +
-           c * (4 * curved - 2 * information - c * (6 * mixed + 4 * c * curved_square));
-  }
-  double bend(double c) const {
-    return 4 * curved - 2 * information - c * (12 * mixed + 12 * c * curved_square);
-  }
-};
-
-struct Lack {
-  double part = 0;
-  double ratio = 0;
-};
-
-// Where the signature is straight, one step of Newton is exact. A lack below 0 would be a coil that
-// carries more than it was given, which amplifiers do not.
-Lack most_probable(const SignatureSums& sums) {
-  Lack most;
-  for (const double about : {0.25, 0.5, 0.75, 1.0, 1.5, 2.0})
-    if (const double ratio = sums.ratio(about); ratio > most.ratio) most = {about, ratio};
-  if (most.part == 0) most.part = kLeast;
-  for (int step = 0; step < 2 && sums.bend(most.part) < 0; ++step) {
-    const double part = most.part - sums.slope(most.part) / sums.bend(most.part);
-    const double ratio = sums.ratio(std::clamp(part, kLeast, kMost));
-    if (ratio > most.ratio) most = {std::clamp(part, kLeast, kMost), ratio};
-  }
-  return most;
-}
 
 }  // namespace
 
@@ -219,8 +183,9 @@ CoilWatch::Finding CoilWatch::suspect_of(const Hypothesis& one, Eigen::Index err
   Finding found;
   for (Eigen::Index k = 0; k < coils_; ++k) {
     const double mixed = sums.mixed[k] - white.col(k).dot(white.col(coils_ + k));
-    const Lack lack = most_probable(
-        {product[k], product[coils_ + k], information[k], mixed, information[coils_ + k]});
+    const Lack lack = most_probable_lack(
+        {product[k], product[coils_ + k], information[k], mixed, information[coils_ + k]}, kLeast,
+        kMost);
     const double evidence = lack.ratio / noise;
     if (evidence > found.evidence) {
       found.next = found.evidence;

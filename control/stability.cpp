@@ -8,18 +8,20 @@
 
 namespace vitreo::control {
 
-// F = (m.grad) B - W z with m along B: the robot turns into the field within milliseconds
-// (facts/magnetics 3.1), so the axis is taken as algebraic.
-// N, world; the weight alone where there is no field to magnetize the robot.
+// The robot turns into the field within milliseconds (facts/magnetics 3.1), so the axis is taken as
+// algebraic.
+Eigen::Vector3d force_along_field(const Robot& robot, const FieldGradient& made) {
+  const double strength = made.head<3>().norm();
+  if (!(strength > 0)) return Eigen::Vector3d::Zero();
+  const Eigen::Vector3d moment = robot.moment(strength) / strength * made.head<3>();
+  return force_from_field(moment) * made;
+}
+
 Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medium& medium,
                          const Currents& currents, const Eigen::Vector3d& position) {
   require(currents.size() == field.coils(), "currents: one a coil is wanted");
   const FieldGradient made = field.matrix(position) * currents + field.background(position);
-  const double strength = made.head<3>().norm();
-  Eigen::Vector3d weight(0, 0, -robot.net_weight(medium));
-  if (!(strength > 0)) return weight;
-  const Eigen::Vector3d moment = robot.moment(strength) / strength * made.head<3>();
-  return weight + force_from_field(moment) * made;
+  return Eigen::Vector3d(0, 0, -robot.net_weight(medium)) + force_along_field(robot, made);
 }
 
 // Linearized about `position` the overdamped robot obeys p' = R^-1 (dF/dp) dp. Earnshaw's theorem:

@@ -1,4 +1,4 @@
-// Earnshaw instability of a robot in constant currents, as a rate.
+// Force on a robot that lies along the field, and its Earnshaw instability in constant currents.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -8,6 +8,10 @@
 #include <Eigen/Core>
 
 namespace vitreo::control {
+
+/// Force (N, world) of a field on a robot whose moment m lies along it: F = (m . grad) B. The
+/// weight is not in it.
+Eigen::Vector3d force_along_field(const Robot& robot, const FieldGradient& made);
 
 /// Force (N, world) of constant currents on a robot at `position` whose axis lies along the field
 /// there, weight included.

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/loop_watch.h"
 
+#include "control/coil_lack.h"
+#include "control/stability.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -61,29 +64,21 @@ LoopWatch::Velocities LoopWatch::velocities(const WatchedCommand& command) const
   const Eigen::Vector3d known = model_.field.nearest_valid(command.position);
   const control::FieldMatrix matrix = model_.field.matrix(known);
   const control::FieldGradient background = model_.field.background(known);
-  const auto force = [this](const control::FieldGradient& made) -> Eigen::Vector3d {
-    // F = (m . grad) B with m along B: the moment follows the field within milliseconds.
-    const double strength = made.head<3>().norm();
-    if (!(strength > 0)) return Eigen::Vector3d::Zero();
-    const Eigen::Vector3d moment = model_.robot.moment(strength) / strength * made.head<3>();
-    return control::force_from_field(moment) * made;
-  };
   const control::FieldGradient whole = matrix * command.currents + background;
-  const Eigen::Vector3d with_all = force(whole);
+  const Eigen::Vector3d with_all = control::force_along_field(model_.robot, whole);
   constexpr double kSmall = 0.02;  // rad, over which the force is differenced
   const Eigen::Index coils = command.currents.size();
   Velocities found(3, kHistories * coils);
   for (Eigen::Index k = 0; k < coils; ++k) {
     const control::FieldGradient its = matrix.col(k) * command.currents[k];
-    // What the robot would lose of its velocity without it, and without a half of it: c l + c^2 q.
-    const Eigen::Vector3d all = command.mobility * (with_all - force(whole - its));
-    const Eigen::Vector3d half = command.mobility * (with_all - force(whole - its / 2));
-    found.col(k) = 4 * half - all;
-    found.col(coils + k) = 2 * all - 4 * half;
+    const control::LostForce lost = control::lost_force(model_.robot, whole, its);
+    found.col(k) = command.mobility * lost.linear;
+    found.col(coils + k) = command.mobility * lost.curved;
     for (int axis = 0; axis < 3; ++axis) {
       const control::FieldGradient change = kSmall * turned(its, Eigen::Vector3d::Unit(axis));
       found.col((2 + axis) * coils + k) =
-          command.mobility * (force(whole + change) - with_all) / kSmall;
+          command.mobility * (control::force_along_field(model_.robot, whole + change) - with_all) /
+          kSmall;
     }
   }
   return found;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/plant_watch.h"
 
-#include "control/robot.h"
+#include "control/coil_lack.h"
+#include "control/stability.h"
 #include "host/servo/view_doubt.h"
 
 #include <fmt/format.h>
@@ -63,11 +64,16 @@ constexpr double kPlantKept = 2 * kPlantLongest + kPlantDriftSpan;  // s
 constexpr int kPlantSubsteps =
     4;  // between two measurements, in which the currents' lag is followed
 
-// Hypotheses: 0 as told, 1 no current at all, then each coil open, then each coil reversed; those
-// of the coils as differences from 0.
+// Parts of a coil's current that may be missing where it is weak or open.
+constexpr double kPlantLeastLack = 0.3;
+constexpr double kPlantMostLack = 1;
+
+// Hypotheses: 0 as told, 1 no current at all, then of each coil what it is off by with a lack of
+// its current (control::LackSums), the straight part and the curved one, and reversed.
 constexpr Eigen::Index kPlantAsTold = 0;
 constexpr Eigen::Index kPlantNone = 1;
 constexpr Eigen::Index kPlantCoils = 2;
+constexpr Eigen::Index kPlantPerCoil = 3;
 
 /// What was told and what was seen over time, both without their straight lines: how much of the
 /// one is in the other, by least squares.
@@ -166,14 +172,6 @@ control::Currents PlantWatch::flowing_at(double time) const {
   return ahead.currents;
 }
 
-// F = (m . grad) B, with the moment m along B: it follows the field within milliseconds.
-Eigen::Vector3d PlantWatch::force(const control::FieldGradient& made) const {
-  const double strength = made.head<3>().norm();
-  if (!(strength > 0)) return Eigen::Vector3d::Zero();
-  const Eigen::Vector3d moment = model_.robot.moment(strength) / strength * made.head<3>();
-  return control::force_from_field(moment) * made;
-}
-
 // m/s, at the currents that flow.
 PlantWatch::Motions PlantWatch::velocities(const Eigen::Vector3d& position) const {
   const Eigen::Vector3d known = model_.field.nearest_valid(position);
@@ -182,14 +180,20 @@ PlantWatch::Motions PlantWatch::velocities(const Eigen::Vector3d& position) cons
   const control::FieldGradient whole = matrix * flow_.currents + background;
   const Eigen::Index coils = flow_.currents.size();
   const Eigen::Vector3d weight(0, 0, -model_.robot.net_weight(model_.medium));
+  const auto force = [this](const control::FieldGradient& made) {
+    return control::force_along_field(model_.robot, made);
+  };
   const Eigen::Vector3d with_all = force(whole);
-  Motions found(3, kPlantCoils + 2 * coils);
+  Motions found(3, kPlantCoils + kPlantPerCoil * coils);
   found.col(kPlantAsTold) = mobility_ * (with_all + weight);
   found.col(kPlantNone) = mobility_ * (force(background) + weight);
   for (Eigen::Index k = 0; k < coils; ++k) {
     const control::FieldGradient its = matrix.col(k) * flow_.currents[k];
-    found.col(kPlantCoils + k) = mobility_ * (force(whole - its) - with_all);
-    found.col(kPlantCoils + coils + k) = mobility_ * (force(whole - 2 * its) - with_all);
+    const control::LostForce lost = control::lost_force(model_.robot, whole, its);
+    const Eigen::Index its_own = kPlantCoils + kPlantPerCoil * k;
+    found.col(its_own) = -mobility_ * lost.linear;
+    found.col(its_own + 1) = -mobility_ * lost.curved;
+    found.col(its_own + 2) = mobility_ * (force(whole - 2 * its) - with_all);
   }
   return found;
 }
@@ -210,7 +214,7 @@ void PlantWatch::measured(const WatchedPlace& seen, double delay) {
   now.time = time;
   now.position = seen.position;
   now.variance = largest_variance(seen.noise);
-  now.moved = Motions::Zero(3, kPlantCoils + 2 * flow_.currents.size());
+  now.moved = Motions::Zero(3, kPlantCoils + kPlantPerCoil * flow_.currents.size());
   now.by_attitude = seen.by_attitude;
   now.place_sigma = std::sqrt(std::max(0.0, seen.systematic.trace()) / 3);
   if (samples_.empty()) {
@@ -380,14 +384,18 @@ std::string PlantWatch::name(const Eigen::Vector3d& left, const Motions& moved,
   consider(moved.col(kPlantNone) - moved.col(kPlantAsTold),
            "the robot moves as if no current flowed: the amplifiers give nothing");
   for (Eigen::Index k = 0; k < coils; ++k) {
-    const Eigen::Vector3d open = moved.col(kPlantCoils + k);
-    // The most probable part of its current that is missing.
-    const double lack = std::clamp(left.dot(open) / std::max(open.squaredNorm(), 1e-18), 0.3, 1.0);
-    consider(lack * open,
+    const auto its_own = moved.middleCols<kPlantPerCoil>(kPlantCoils + kPlantPerCoil * k);
+    const Eigen::Vector3d linear = its_own.col(0), curved = its_own.col(1);
+    const double lack =
+        control::most_probable_lack({left.dot(linear), left.dot(curved), linear.squaredNorm(),
+                                     linear.dot(curved), curved.squaredNorm()},
+                                    kPlantLeastLack, kPlantMostLack)
+            .part;
+    consider(lack * linear + lack * lack * curved,
              fmt::format("the robot moves as if coil {} made {:.0f} % of its field: it is open, "
                          "shorted or weak",
                          k + 1, 100 * (1 - lack)));
-    consider(moved.col(kPlantCoils + coils + k),
+    consider(its_own.col(2),
              fmt::format("the robot moves as if the leads of coil {} were exchanged", k + 1));
   }
   return text;

@@ -85,7 +85,6 @@ class PlantWatch {
   void flow_to(double time);
   void note_field(Sample& sample) const;  // of the currents that flow
   Motions velocities(const Eigen::Vector3d& position) const;
-  Eigen::Vector3d force(const control::FieldGradient& made) const;
   std::optional<Before> before() const;
   void look_back(const Before& slow);
   bool unanswered() const;
