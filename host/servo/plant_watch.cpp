@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/plant_watch.h"
 
-#include "control/coil_lack.h"
-#include "control/stability.h"
 #include "host/servo/view_doubt.h"
 
 #include <fmt/format.h>
@@ -39,8 +37,6 @@ constexpr double kPlantMostPart = 2;
 // mT.
 constexpr double kPlantAttitudes = 4;
 constexpr double kPlantCoilError = 0.04;
-// What a hypothesis must explain of it, at least.
-constexpr double kPlantExplained = 0.65;
 constexpr int kPlantSure = 2;  // measurements in a row
 // m, told within a window, and a part of it that was gone: less is standing.
 constexpr double kPlantTold = 0.4e-3;
@@ -63,17 +59,6 @@ constexpr double kPlantTurnsIn = 0.5;
 constexpr double kPlantKept = 2 * kPlantLongest + kPlantDriftSpan;  // s
 constexpr int kPlantSubsteps =
     4;  // between two measurements, in which the currents' lag is followed
-
-// Parts of a coil's current that may be missing where it is weak or open.
-constexpr double kPlantLeastLack = 0.3;
-constexpr double kPlantMostLack = 1;
-
-// Hypotheses: 0 as told, 1 no current at all, then of each coil what it is off by with a lack of
-// its current (control::LackSums), the straight part and the curved one, and reversed.
-constexpr Eigen::Index kPlantAsTold = 0;
-constexpr Eigen::Index kPlantNone = 1;
-constexpr Eigen::Index kPlantCoils = 2;
-constexpr Eigen::Index kPlantPerCoil = 3;
 
 /// What was told and what was seen over time, both without their straight lines: how much of the
 /// one is in the other, by least squares.
@@ -173,29 +158,12 @@ control::Currents PlantWatch::flowing_at(double time) const {
 }
 
 // m/s, at the currents that flow.
-PlantWatch::Motions PlantWatch::velocities(const Eigen::Vector3d& position) const {
+PlantMotions PlantWatch::velocities(const Eigen::Vector3d& position) const {
   const Eigen::Vector3d known = model_.field.nearest_valid(position);
-  const control::FieldMatrix matrix = model_.field.matrix(known);
-  const control::FieldGradient background = model_.field.background(known);
-  const control::FieldGradient whole = matrix * flow_.currents + background;
-  const Eigen::Index coils = flow_.currents.size();
-  const Eigen::Vector3d weight(0, 0, -model_.robot.net_weight(model_.medium));
-  const auto force = [this](const control::FieldGradient& made) {
-    return control::force_along_field(model_.robot, made);
-  };
-  const Eigen::Vector3d with_all = force(whole);
-  Motions found(3, kPlantCoils + kPlantPerCoil * coils);
-  found.col(kPlantAsTold) = mobility_ * (with_all + weight);
-  found.col(kPlantNone) = mobility_ * (force(background) + weight);
-  for (Eigen::Index k = 0; k < coils; ++k) {
-    const control::FieldGradient its = matrix.col(k) * flow_.currents[k];
-    const control::LostForce lost = control::lost_force(model_.robot, whole, its);
-    const Eigen::Index its_own = kPlantCoils + kPlantPerCoil * k;
-    found.col(its_own) = -mobility_ * lost.linear;
-    found.col(its_own + 1) = -mobility_ * lost.curved;
-    found.col(its_own + 2) = mobility_ * (force(whole - 2 * its) - with_all);
-  }
-  return found;
+  return plant_velocities(model_.robot,
+                          {model_.field.matrix(known), model_.field.background(known),
+                           model_.robot.net_weight(model_.medium), mobility_},
+                          flow_.currents);
 }
 
 void PlantWatch::note_field(Sample& sample) const {
@@ -214,7 +182,7 @@ void PlantWatch::measured(const WatchedPlace& seen, double delay) {
   now.time = time;
   now.position = seen.position;
   now.variance = largest_variance(seen.noise);
-  now.moved = Motions::Zero(3, kPlantCoils + kPlantPerCoil * flow_.currents.size());
+  now.moved = PlantMotions::Zero(3, kPlantCoils + kPlantPerCoil * flow_.currents.size());
   now.by_attitude = seen.by_attitude;
   now.place_sigma = std::sqrt(std::max(0.0, seen.systematic.trace()) / 3);
   if (samples_.empty()) {
@@ -278,14 +246,15 @@ void PlantWatch::look_back(const Before& slow) {
     if (time - then->time > kPlantLongest || then->time < heard_from_) break;
     farthest = std::max(farthest, (then->position - samples_.back().position).norm());
     if (time - then->time < kPlantShortest) continue;
-    Verdict found = judge(*then, samples_.back(), slow, farthest);
+    const Verdict found = judge(*then, samples_.back(), slow, farthest);
     stands = stands || found.standing;
-    if (found.excess > most.excess) most = std::move(found);
+    if (found.excess > most.excess) most = found;
   }
   excess_ = most.excess;
   stood_ = stands ? stood_ + 1 : 0;
-  doubtful_ = most.text.empty() ? 0 : doubtful_ + 1;
-  if (doubtful_ >= kPlantSure && fault_.empty()) fault_ = most.text;
+  const std::string text = most.doubtful ? cause(most, slow) : std::string();
+  doubtful_ = text.empty() ? 0 : doubtful_ + 1;
+  if (doubtful_ >= kPlantSure && fault_.empty()) fault_ = text;
 }
 
 std::optional<PlantWatch::Before> PlantWatch::before() const {
@@ -330,20 +299,35 @@ double PlantWatch::by_turn(const Sample& then, const Sample& now, const Eigen::V
   return std::hypot(turned * at_now, off * (at_now - at_then));
 }
 
+// m, from `then` to `now`: so much of what was told, and the rest of the drift before.
+Eigen::Vector3d PlantWatch::expected_by(double response, const Before& slow, const Sample& then,
+                                        const Sample& now) {
+  return response * (now.moved.col(kPlantAsTold) - then.moved.col(kPlantAsTold)) +
+         (now.time - then.time) * (slow.went - response * slow.told);
+}
+
+std::string PlantWatch::cause(const Verdict& verdict, const Before& slow) const {
+  const Sample& then = *verdict.then;
+  std::vector<LeftOver> path;
+  for (const Sample& one : samples_)
+    if (one.time >= then.time)
+      path.push_back({one.moved - then.moved, one.position - then.position -
+                                                  expected_by(verdict.response, slow, then, one)});
+  return plant_fault(path, std::sqrt(then.variance + samples_.back().variance));
+}
+
 PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now, const Before& slow,
                                       double farthest) const {
   const double span = now.time - then.time;
-  const Motions moved = now.moved - then.moved;
+  const PlantMotions moved = now.moved - then.moved;
   const Eigen::Vector3d went = now.position - then.position;
   // What was left over before is a drift, or a part of what was told: after a turn the two differ
   // by as much as the robot's response is wrong. The one that explains more counts.
   const double part =
       std::clamp(slow.went.dot(slow.told) / std::max(slow.told.squaredNorm(), 1e-18),
                  kPlantLeastPart, kPlantMostPart);
-  const auto expected_by = [&](double response) -> Eigen::Vector3d {
-    return response * moved.col(kPlantAsTold) + span * (slow.went - response * slow.told);
-  };
-  const Eigen::Vector3d by_drift = expected_by(1), by_response = expected_by(part);
+  const Eigen::Vector3d by_drift = expected_by(1, slow, then, now);
+  const Eigen::Vector3d by_response = expected_by(part, slow, then, now);
   const bool drifts = (went - by_drift).norm() < (went - by_response).norm();
   const Eigen::Vector3d expected = drifts ? by_drift : by_response;
   const Eigen::Vector3d left = went - expected;
@@ -357,6 +341,8 @@ PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now, con
                          kPlantAttitudes * by_attitude +
                          kPlantGainError * moved.col(kPlantAsTold).norm();
   Verdict verdict;
+  verdict.then = &then;
+  verdict.response = drifts ? 1 : part;
   verdict.excess = left.norm() / allowed;
   // By what was told and by the drift too: of a robot that answers half, half of what it was told
   // is taken for a drift, and when it may rest, it rests.
@@ -364,41 +350,8 @@ PlantWatch::Verdict PlantWatch::judge(const Sample& then, const Sample& now, con
   verdict.standing =
       told > kPlantTold && farthest < kPlantGone * told && kPlantSigmas * sigma < kPlantTold;
   // Standing is what a wall does, or a hand: no coil.
-  if (verdict.excess > 1 && went.norm() > 0.3 * left.norm())
-    verdict.text = name(left, moved, sigma);
+  verdict.doubtful = verdict.excess > 1 && went.norm() > 0.3 * left.norm();
   return verdict;
-}
-
-// The hypothesis that leaves least of what is left over; none that leaves more than a third.
-std::string PlantWatch::name(const Eigen::Vector3d& left, const Motions& moved,
-                             double sigma) const {
-  const Eigen::Index coils = flow_.currents.size();
-  double least = (1 - kPlantExplained) * left.norm() + 2 * sigma;
-  std::string text;
-  const auto consider = [&](const Eigen::Vector3d& explained, const std::string& what) {
-    const double rest = (left - explained).norm();
-    if (rest >= least) return;
-    least = rest;
-    text = what;
-  };
-  consider(moved.col(kPlantNone) - moved.col(kPlantAsTold),
-           "the robot moves as if no current flowed: the amplifiers give nothing");
-  for (Eigen::Index k = 0; k < coils; ++k) {
-    const auto its_own = moved.middleCols<kPlantPerCoil>(kPlantCoils + kPlantPerCoil * k);
-    const Eigen::Vector3d linear = its_own.col(0), curved = its_own.col(1);
-    const double lack =
-        control::most_probable_lack({left.dot(linear), left.dot(curved), linear.squaredNorm(),
-                                     linear.dot(curved), curved.squaredNorm()},
-                                    kPlantLeastLack, kPlantMostLack)
-            .part;
-    consider(lack * linear + lack * lack * curved,
-             fmt::format("the robot moves as if coil {} made {:.0f} % of its field: it is open, "
-                         "shorted or weak",
-                         k + 1, 100 * (1 - lack)));
-    consider(its_own.col(2),
-             fmt::format("the robot moves as if the leads of coil {} were exchanged", k + 1));
-  }
-  return text;
 }
 
 }  // namespace vitreo

@@ -5,6 +5,7 @@
 
 #include "control/coil_field.h"
 #include "host/rig/rig.h"
+#include "host/servo/plant_fault.h"
 
 #include <Eigen/Core>
 
@@ -51,12 +52,11 @@ class PlantWatch {
   void forget();
 
  private:
-  using Motions = Eigen::Matrix<double, 3, Eigen::Dynamic>;  // m, a column a hypothesis
   struct Sample {
     double time = 0;
     Eigen::Vector3d position{0, 0, 0};
     double variance = 0;                                    // m^2, the largest of a direction
-    Motions moved;                                          // since the first sample
+    PlantMotions moved;                                     // since the first sample
     Eigen::Matrix3d by_attitude = Eigen::Matrix3d::Zero();  // m^2
     double place_sigma = 0;                                 // m, of a coordinate: systematic
     Eigen::VectorXd shares;                                 // T, of the field, each coil's
@@ -71,9 +71,11 @@ class PlantWatch {
     double time = 0;       // s, to which they are known
     std::size_t last = 0;  // of told_, that acts
   };
-  struct Verdict {
+  struct Verdict {  // of a window
+    const Sample* then = nullptr;
+    double response = 1;  // part of what was told that is expected
     double excess = 0;
-    std::string text;
+    bool doubtful = false;
     bool standing = false;
   };
   struct Before {  // the seconds before a window, and m/s, their means
@@ -84,13 +86,15 @@ class PlantWatch {
   void advance(Flow& flow, double time) const;
   void flow_to(double time);
   void note_field(Sample& sample) const;  // of the currents that flow
-  Motions velocities(const Eigen::Vector3d& position) const;
+  PlantMotions velocities(const Eigen::Vector3d& position) const;
   std::optional<Before> before() const;
   void look_back(const Before& slow);
   bool unanswered() const;
   static double by_turn(const Sample& then, const Sample& now, const Eigen::Vector3d& along);
+  static Eigen::Vector3d expected_by(double response, const Before& slow, const Sample& then,
+                                     const Sample& now);
+  std::string cause(const Verdict& verdict, const Before& slow) const;
   Verdict judge(const Sample& then, const Sample& now, const Before& slow, double farthest) const;
-  std::string name(const Eigen::Vector3d& left, const Motions& moved, double sigma) const;
 
   const RigModel& model_;
   const double lag_;  // s, of the coils
