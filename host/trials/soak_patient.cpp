@@ -135,6 +135,17 @@ class PutUnseen {
   std::vector<Span> repeats_;
 };
 
+/// Of the loop that ran at `time`, as the record says: a PD steers by what it saw and estimates
+/// nothing.
+bool estimated(const std::vector<Event>& events, Time time) {
+  bool estimates = false;
+  for (const Event& event : events) {
+    if (event.time > time) break;
+    if (event.kind == "feedback") estimates = event.text.starts_with("law estimator");
+  }
+  return estimates;
+}
+
 /// Of a loop that estimates: its newest estimate is old while it steers.
 void check_blind(const Recorder& recorder, std::vector<std::string>& found) {
   const Stream* const estimate = recorder.stream("estimate");
@@ -149,7 +160,8 @@ void check_blind(const Recorder& recorder, std::vector<std::string>& found) {
     const auto newest = row_at(*estimate, now + std::chrono::milliseconds(200));
     blind.see(newest && place(*servo, row).allFinite() && flows(currents, now) &&
                   flows(currents, now + std::chrono::milliseconds(200)) &&
-                  to_seconds(now - estimate->times[*newest]) > kBlind,
+                  to_seconds(now - estimate->times[*newest]) > kBlind &&
+                  estimated(recorder.events(), now),
               now, 0);
   }
   if (blind.longest() > 0.2)

@@ -30,6 +30,16 @@ TEST(Soak, OfAHoldFindsNothing) {
   EXPECT_EQ(result["violations"], 0);
 }
 
+// A PD has no estimate: its second loop was said to be steered by no measurement, in each seed.
+TEST(Soak, OfAHoldBesideAPdFindsNothingEither) {
+  const Workplace place;
+  const Spoken said = place.vitreo(
+      "soak hold feedback=pose_sensor settle=0.5s hold=4s width=0.3mm depth=0.3mm speed=2mm/s "
+      "--seeds 6");
+  EXPECT_EQ(said.exit_code, 0) << said.out << said.err;
+  EXPECT_NE(said.out.find("\n6 seeds, 0 violations"), std::string::npos) << said.out;
+}
+
 TEST(Soak, ASeedHappensAgainAsItDid) {
   const Workplace place;
   for (const char* seed : {"3", "5"}) {
