@@ -14,6 +14,10 @@ constexpr double kMemory = 10;         // s
 constexpr double kEvery = 0.5;         // s
 constexpr double kLeastWindow = 3;     // s: one that cycles fast is named by these
 constexpr double kStandingWindow = 2;  // s
+constexpr double kAwayFor = 3;         // s
+// m: a PD follows a target of 2 mm/s 1.3 mm behind it.
+constexpr double kAway = 2e-3;
+constexpr double kNearer = 0.3e-3;  // m, by which one on its way comes nearer meanwhile
 // Of the measurement's standard deviation: an oscillation below it is no harm, and a square's
 // corners are below it too.
 constexpr double kAboveNoise = 3;
@@ -133,6 +137,7 @@ void MotionWatch::look() {
       oscillating_ = oscillates(axis, count, sound);
   }
   standing_ = stands();
+  off_target_ = stays_away();
 }
 
 // Under a command.
@@ -156,6 +161,16 @@ bool MotionWatch::stands() const {
   // Way and command are compared along the command: what goes aside, a flow, is no answer to it.
   if (length < kTold + kToldPerTurn * turned) return false;
   return told.dot(lately_.back().position - first->position) / length < length / 5;
+}
+
+bool MotionWatch::stays_away() const {
+  const double end = lately_.back().time;
+  if (end - lately_.front().time < kAwayFor) return false;
+  const auto first = std::find_if(lately_.begin(), lately_.end(),
+                                  [end](const auto& one) { return one.time >= end - kAwayFor; });
+  return std::all_of(first, lately_.end(),
+                     [](const auto& one) { return one.free && one.error.norm() > kAway; }) &&
+         first->error.norm() - lately_.back().error.norm() < kNearer;
 }
 
 // The newest `count` errors of one coordinate, taken as evenly spaced, which frames are.

@@ -1,5 +1,5 @@
-// Motion watch: a loop whose robot goes to and fro about its target, and one whose robot stands
-// although it is told to move. Of any law: by position and target alone.
+// Motion watch: a loop whose robot goes to and fro about its target, one whose robot stands although
+// it is told to move, and one that does not come to its target. By position and target alone.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -24,6 +24,7 @@ struct WatchedMotion {
   // and how fast the axis is turned, rad/s.
   Eigen::Vector3d reference{0, 0, 0};
   double turning = 0;
+  bool free = true;  // it goes where it is told: not in a medium that yields now and then
 };
 
 /// The last ten seconds, looked at every half second; of the axis' turns five more.
@@ -43,17 +44,22 @@ class MotionWatch {
   /// Over the last two seconds the robot was told to go `kTold` m and more and went less than a
   /// fifth of it.
   bool standing() const { return standing_; }
+  /// For three seconds it has been farther than 2 mm from its target, and has come nearer by less
+  /// than 0.3 mm.
+  bool off_target() const { return off_target_; }
   void reset() { *this = MotionWatch(); }
 
  private:
   void look();
   bool stands() const;
+  bool stays_away() const;
   bool oscillates(int axis, std::size_t count, double sound);
   static constexpr double kTold = 0.4e-3;
   std::deque<WatchedMotion> lately_;
   double looked_ = -1e9;  // s
   bool oscillating_ = false;
   bool standing_ = false;
+  bool off_target_ = false;
   double period_ = 0;
   double amplitude_ = 0;
 };

@@ -52,6 +52,8 @@ void LoopReport::quality(const LoopQuality& now) {
                      format_quantity(now.amplitude, "m"), format_quantity(now.period, "s")));
   report(now.standing, quality_.standing, "standstill",
          "the robot is told to move and stands: it is held, or at a wall");
+  report(now.off_target, quality_.off_target, "off target",
+         "for seconds the robot has been more than 2 mm from its target, and comes no nearer");
   report(now.capped, quality_.capped, "speed cap",
          "for seconds the robot has been farther away than the largest speed of the feedback "
          "makes good");
@@ -63,6 +65,8 @@ void LoopReport::quality(const LoopQuality& now) {
                      100 * std::max(0.0, 1 - now.lack)));
   worst_.oscillating |= now.oscillating;
   worst_.standing |= now.standing;
+  worst_.off_target |= now.off_target;
+  worst_.kept_out |= now.kept_out;
   worst_.capped |= now.capped;
   worst_.clamped |= now.clamped;
   if (now.weak_coil != 0) worst_.weak_coil = now.weak_coil;

@@ -84,6 +84,11 @@ LoopWatch::Velocities LoopWatch::velocities(const WatchedCommand& command) const
   return found;
 }
 
+void LoopWatch::kept_out(double now, bool is) {
+  now_ = now;
+  since(is, now, kept_out_since_);
+}
+
 void LoopWatch::commanded(const WatchedCommand& command) {
   now_ = command.now;
   since(command.capped, now_, capped_since_);
@@ -153,6 +158,8 @@ LoopQuality LoopWatch::quality() const {
   found.period = motion_.period();
   found.amplitude = motion_.amplitude();
   found.standing = motion_.standing();
+  found.off_target = motion_.off_target();
+  found.kept_out = kept_out_since_ >= 0 && now_ - kept_out_since_ > kLong;
   found.capped = capped_since_ >= 0 && now_ - capped_since_ > kLong;
   found.clamped = clamped_since_ >= 0 && now_ - clamped_since_ > kLong;
   found.weak_coil = named_;
@@ -168,7 +175,7 @@ void LoopWatch::reset() {
   last_.reset();
   heard_from_ = 0;
   followed_from_ = -1e9;
-  capped_since_ = clamped_since_ = -1;
+  capped_since_ = clamped_since_ = kept_out_since_ = -1;
   suspected_ = named_ = 0;
 }
 

@@ -23,11 +23,16 @@ struct LoopQuality {
   double period = 0;         // s, of it
   double amplitude = 0;      // m
   bool standing = false;     // told to move, and does not
+  bool off_target = false;   // long far from its target, and comes no nearer
+  bool kept_out = false;     // the keep-out margin has long changed the command
   bool capped = false;       // the feedback has long asked for its largest speed
   bool clamped = false;      // the disturbance has long been at its largest: the robot is held fast
   int weak_coil = 0;         // from 1: which carries less than it is given; 0: none
   double lack = 0;           // part of its current that is missing
-  bool good() const { return !oscillating && !standing && !capped && !clamped && weak_coil == 0; }
+  bool good() const {
+    return !oscillating && !standing && !off_target && !kept_out && !capped && !clamped &&
+           weak_coil == 0;
+  }
 };
 
 /// What one turn of a loop decided.
@@ -48,6 +53,8 @@ class LoopWatch {
   void moved(const control::WatchedMotion& motion) {
     if (motion.time >= followed_from_) motion_.add(motion);
   }
+  /// Of any law: whether the keep-out margin changed the command at `now` (s).
+  void kept_out(double now, bool is);
   /// Of the law estimator: what was commanded.
   void commanded(const WatchedCommand& command);
   /// A measurement at `time` (s) that its filter used, before the command that it leads to.
@@ -86,6 +93,7 @@ class LoopWatch {
   bool may_touch_ = false;
   double followed_from_ = -1e9;  // s, before which motion is not
   double capped_since_ = -1;     // s; below 0: not
+  double kept_out_since_ = -1;
   double clamped_since_ = -1;
   double now_ = 0;
   int suspected_ = 0;

@@ -119,6 +119,7 @@ ControlStep ServoController::step(double now,
     step.limited = false;
   }
   if (taken) watch(*measured, path, mode);
+  watch_.kept_out(now, step.kept_out);
   step.quality = watch_.quality();
   return step;
 }
@@ -249,6 +250,7 @@ void ServoController::watch(const control::PositionMeasurement& measured, const 
   motion.error = measured.position - target.position;
   motion.sigma = std::sqrt(measured.covariance.trace() / 3);
   motion.reference = target.velocity;
+  motion.free = settings_.law != ControlLaw::velocity;
   // A target that turns round at once is a step on purpose, as those by which a robot is
   // identified: a response that is off by a third moves it as a coil would that lacks as much.
   constexpr double kStep = 1.2e-3;      // m/s, the least change that is one

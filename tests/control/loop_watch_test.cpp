@@ -47,6 +47,31 @@ TEST(MotionWatch, ALimitCycleIsNamedWithinTenSecondsWithItsPeriod) {
   }
 }
 
+// m: whether a robot whose error goes so, m and m/s, is ever said to stay away from its target.
+bool off_target(double begin, double speed, bool free = true) {
+  MotionWatch watch;
+  Motions motions;
+  bool found = false;
+  for (double time = 0; time < 5; time += kPeriod) {
+    WatchedMotion now =
+        motions.at(time, {0, 0.6 * (begin + speed * time), 0.8 * (begin + speed * time)});
+    now.free = free;
+    watch.add(now);
+    EXPECT_FALSE(watch.off_target() && time < 2.9);
+    found = found || watch.off_target();
+  }
+  return found;
+}
+
+TEST(MotionWatch, ARobotThatStaysFarFromItsTargetIsSaidToAndOneOnItsWayIsNot) {
+  EXPECT_TRUE(off_target(2.2e-3, 0));
+  EXPECT_TRUE(off_target(3e-3, 0.5e-3)) << "it goes away";
+  EXPECT_TRUE(off_target(4e-3, -0.05e-3));
+  EXPECT_FALSE(off_target(1.9e-3, 0)) << "a PD behind a target of 2 mm/s";
+  EXPECT_FALSE(off_target(8e-3, -0.2e-3)) << "slow, and on its way";
+  EXPECT_FALSE(off_target(6e-3, 0, false)) << "in a medium that yields now and then";
+}
+
 TEST(MotionWatch, NoiseAWanderingErrorAndTheCornersOfASquareAreNoOscillation) {
   MotionWatch watch;
   Motions motions;

@@ -328,6 +328,8 @@ int servo_calls::quality(Call& call) {
   };
   name(found.oscillating, "oscillation");
   name(found.standing, "standstill");
+  name(found.off_target, "off target");
+  name(found.kept_out, "keep-out margin");
   name(found.capped, "speed cap");
   name(found.clamped, "disturbance clamp");
   name(found.weak_coil != 0, fmt::format("weak coil {}", found.weak_coil));
@@ -335,6 +337,8 @@ int servo_calls::quality(Call& call) {
   result.flag("good", found.good())
       .flag("oscillating", found.oscillating)
       .flag("standing", found.standing)
+      .flag("off_target", found.off_target)
+      .flag("kept_out", found.kept_out)
       .flag("capped", found.capped)
       .flag("clamped", found.clamped)
       .text("verdict", verdict.empty() ? "good" : verdict);

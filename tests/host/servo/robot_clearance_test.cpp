@@ -215,6 +215,8 @@ TEST(RobotClearance, WhateverPressesItEveryLawKeepsTheMargin) {
     // The margin is of the bound: 0.15 mm nearer, as the eye's place is not known.
     EXPECT_LT(least, 0.55e-3) << "it was pressed to the margin; " << to_string(law);
     EXPECT_TRUE(servo->status().kept_out) << to_string(law);
+    EXPECT_TRUE(servo->quality().kept_out) << to_string(law);
+    EXPECT_FALSE(servo->quality().good()) << to_string(law);
   }
 }
 

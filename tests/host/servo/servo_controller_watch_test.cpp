@@ -336,6 +336,41 @@ TEST(ServoControllerWatch, ItIsToldWhenTheMarginHasChangedTheCommand) {
   }
 }
 
+TEST(ServoControllerWatch, AMarginThatHasLongChangedTheCommandIsNoGoodControl) {
+  RigModel model = watched_model();
+  model.eye = optics::model_eye_5_3();
+  model.eye_in_world = {0, 0, -5e-3};
+  const RobotClearance clearance(model, {Vector3d::UnitX(), 0, false, false});
+  Vector3d low = model.eye_in_world + Vector3d(0, 0, model.eye.vertex(2) / 2);
+  while (clearance.at(low)->retina.distance > clearance.margin() + 0.1e-3) low.z() -= 0.05e-3;
+  for (const ControlLaw law : {ControlLaw::pd, ControlLaw::estimator}) {
+    ServoController controller(model, watched_settings(law));
+    controller.keep_out(&clearance);
+    const auto step = [&](double time, double lower) {
+      return controller.step(time + 0.08, seen_at(time, low),
+                             staying_at(low - Vector3d(0, 0, lower)), ControlMode::follow);
+    };
+    double time = 5, since = -1, named = -1;
+    for (; time < 12; time += 0.05) {
+      const ControlStep now = step(time, 1e-3);
+      if (now.kept_out && since < 0) since = time;
+      if (now.quality.kept_out && named < 0) named = time;
+      EXPECT_FALSE(now.quality.kept_out && now.quality.good());
+    }
+    ASSERT_GE(since, 0) << to_string(law);
+    EXPECT_NEAR(named - since, 3, 0.2) << to_string(law);
+    // It rises to where no wall is near.
+    bool still = true;
+    for (; still && time < 30; time += 0.05) {
+      const Vector3d place = low + Vector3d(0, 0, std::min(3e-3, 1e-3 * (time - 12)));
+      still =
+          controller.step(time + 0.08, seen_at(time, place), staying_at(place), ControlMode::follow)
+              .quality.kept_out;
+    }
+    EXPECT_LT(time, 30) << to_string(law) << ": and no longer when it has not";
+  }
+}
+
 // What the robot is to do towards the wall, its drift with it, is a quarter of the dead time's
 // inverse times what is left to the rig's margin.
 TEST(ServoControllerWatch, TowardsAWallItGoesAsFastAsTheRigsMarginLeavesIt) {
