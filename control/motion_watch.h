@@ -1,5 +1,5 @@
-// Motion watch: a loop whose robot goes to and fro about its target, one whose robot stands although
-// it is told to move, and one that does not come to its target. By position and target alone.
+// Motion watch: a loop whose robot goes to and fro about its target, stands although it is told to
+// move, or does not come to its target. By position and target alone.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -237,18 +237,19 @@ Returned clearance_fields() {
 }
 
 Returned quality_fields() {
-  return {"table",
-          {{"good", "", "whether nothing of the below was so"},
-           {"oscillating", "", "the robot went to and fro about its target"},
-           {"standing", "", "it was told to move and stood"},
-           {"off_target", "", "it was farther than 2 mm from its target for 3 s and came no nearer"},
-           {"kept_out", "", "the keep-out margin changed the command for more than 3 s"},
-           {"capped", "", "the feedback asked for its largest speed for more than 3 s"},
-           {"clamped", "", "what pushed it was at its bound for more than 3 s"},
-           {.name = "weak_coil",
-            .help = "the coil that carried less than it was given; nil: none",
-            .optional = true},
-           {"verdict", "", "good, or the names of what was wrong"}}};
+  return {
+      "table",
+      {{"good", "", "whether nothing of the below was so"},
+       {"oscillating", "", "the robot went to and fro about its target"},
+       {"standing", "", "it was told to move and stood"},
+       {"off_target", "", "it was farther than 2 mm from its target for 3 s and came no nearer"},
+       {"kept_out", "", "the keep-out margin changed the command for more than 3 s"},
+       {"capped", "", "the feedback asked for its largest speed for more than 3 s"},
+       {"clamped", "", "what pushed it was at its bound for more than 3 s"},
+       {.name = "weak_coil",
+        .help = "the coil that carried less than it was given; nil: none",
+        .optional = true},
+       {"verdict", "", "good, or the names of what was wrong"}}};
 }
 
 /// What the loop is asked, and what it is waited for. 30 s of corrections are what it keeps, which
