@@ -60,8 +60,8 @@ return {
     local place = map:locate({ 0, 0, found.mean }, { image_sigma = 3 * um, focus_sigma = math.max(found.deviation, 1e-9) })
     if not place then error("where it was sharpest is no place in the eye: d_ls " .. format_quantity(found.mean, "m"), 0) end
     focusing.move(rig, found.mean)
-    rig.top_camera:grab()
-    run:picture { title = "in focus", image = rig.top_camera:grab().image, note = "d_ls " .. format_quantity(found.mean, "m") }
+    local sharp = rig.top_camera:grab({ fresh = true }).image
+    run:picture { title = "in focus", image = sharp, note = "d_ls " .. format_quantity(found.mean, "m") }
     run:result("sharpest_at", found.mean, "m")
     run:result("sharpest_deviation", found.deviation, "m")
     run:result("depth", place.position.z, "m")

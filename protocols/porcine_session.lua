@@ -43,8 +43,8 @@ end
 -- Background subtraction (7.3) beside the loop's own tracker while the robot moves: {frames, seen, steps in px}.
 local function tracker_for(rig)
   local tracker = vision.background_tracker { kind = "fixed" }
-  for _ = 1, 5 do
-    tracker:learn(rig.top_camera:grab().image)
+  for k = 1, 5 do
+    tracker:learn(rig.top_camera:grab({ fresh = k == 1 }).image)
   end
   return { tracker = tracker, frames = 0, seen = 0, way = 0 }
 end

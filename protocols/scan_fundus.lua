@@ -37,8 +37,7 @@ return {
       else
         focus[i] = focus[1]
       end
-      rig.top_camera:grab()
-      images[i] = rig.top_camera:grab().image
+      images[i] = rig.top_camera:grab({ fresh = true }).image
     end
     rig.rotation_stage:move_to(0)
     run:progress(0.95, "joining")

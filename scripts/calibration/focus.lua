@@ -48,9 +48,8 @@ function focusing.sweep(rig, options)
   end
   for i, distance in ipairs(distances) do
     focusing.move(rig, distance)
-    rig.top_camera:grab() -- was exposed on the way
     for k = 1, frames do
-      local frame = rig.top_camera:grab()
+      local frame = rig.top_camera:grab { fresh = k == 1 }
       local window = cut(options.window, frame.width_px, frame.height_px)
       window.measure = options.measure
       values[k][i] = frame.image:focus(window).value
@@ -109,8 +108,7 @@ function focusing.autofocus(rig, options)
   local step = search:next()
   while step.move_to do
     focusing.move(rig, step.move_to)
-    rig.top_camera:grab()
-    local frame = rig.top_camera:grab()
+    local frame = rig.top_camera:grab { fresh = true }
     local window = cut(options.window, frame.width_px, frame.height_px)
     window.measure = options.measure
     step = search:next { position = step.move_to, value = frame.image:focus(window).value }

@@ -36,13 +36,11 @@ end
 local function center(rig, place)
   targets.remove(rig)
   local tracker = vision.background_tracker { threshold = 12, max_area_px = 1e6 }
-  rig.top_camera:grab()
-  for _ = 1, 3 do
-    tracker:learn(rig.top_camera:grab().image)
+  for k = 1, 3 do
+    tracker:learn(rig.top_camera:grab({ fresh = k == 1 }).image)
   end
   targets.put(rig, place)
-  rig.top_camera:grab()
-  return tracker:update(rig.top_camera:grab().image)
+  return tracker:update(rig.top_camera:grab({ fresh = true }).image)
 end
 
 -- Where the target at `place` was sharp and seen: {x, y, distance, deviation of one sweep, sigma of the mean}, or nothing.

@@ -16,15 +16,12 @@ local function look_at_target(rig, camera, places, threshold, read)
   local world, found = rig:model().eye_in_world, 0
   targets.remove(rig)
   local tracker = vision.background_tracker { threshold = threshold or 20, min_area_px = 30 }
-  camera:grab()
-  for _ = 1, 4 do
-    tracker:learn(camera:grab().image)
+  for k = 1, 4 do
+    tracker:learn(camera:grab({ fresh = k == 1 }).image)
   end
   for _, place in ipairs(places) do
     targets.put(rig, place - world)
-    camera:grab()
-    camera:grab()
-    local seen = tracker:update(camera:grab().image)
+    local seen = tracker:update(camera:grab({ fresh = true }).image)
     if seen then
       found = found + 1
       read(place, seen)

@@ -56,7 +56,7 @@ function color_scene.training(rig, run, count)
     local pose = color_scene.somewhere()
     local servo <close> = hold(rig, run, pose.position, pose.axis) -- luacheck: ignore servo
     run:wait(0.6 * s)
-    local frame = rig.top_camera:grab()
+    local frame = rig.top_camera:grab { fresh = true }
     run:wait(0.2 * s)
     local outline = color_scene.outline(rig, run, frame, view)
     if outline then

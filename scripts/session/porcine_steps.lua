@@ -91,8 +91,7 @@ local function focus_lens(rig, run)
   local best, best_value = rig.lens_mover:position(), -math.huge
   for _, at in ipairs { -1 * mm, -0.5 * mm, 0, 0.5 * mm, 1 * mm } do
     rig.lens_mover:move_to(at)
-    rig.top_camera:grab()
-    local value = rig.top_camera:grab().image:focus().value
+    local value = rig.top_camera:grab({ fresh = true }).image:focus().value
     if value > best_value then
       best, best_value = at, value
     end

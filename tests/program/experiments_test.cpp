@@ -224,6 +224,41 @@ TEST(Calibrations, CamerasAndLatencyAreAcceptedOnTheSimulatedRig) {
   }
 }
 
+// Their frames are 50 to 150 ms old when they arrive, and two may be on their way: one bench of
+// three had its target in the side camera's empty scene.
+TEST(Calibrations, CamerasAreCalibratedOnAnyBench) {
+  const Workplace place;
+  for (const int seed : {101, 102, 103, 104, 107, 109}) {
+    const Spoken spoken =
+        place.vitreo("run calibrate_cameras --json --seed " + std::to_string(seed));
+    ASSERT_EQ(spoken.exit_code, 0) << seed << spoken.out << spoken.err;
+    const auto results = nlohmann::json::parse(spoken.out)["results"];
+    EXPECT_EQ(results["calibrations_refused"], 0) << seed;
+    EXPECT_NEAR(results["side_camera_pixel"], 20.35e-6, 0.5e-6) << seed;
+  }
+}
+
+TEST(Calibrations, AFreshFrameWasExposedAfterTheCall) {
+  const Workplace place;
+  place.write("fresh.lua",
+              R"(return { title = 'fresh frames', needs = { 'side_camera' }, rig = 'calibration',
+    run = function(rig, p, run)
+      local half, old = rig.side_camera:info().frame_period / 2, 0
+      for k = 1, 20 do
+        local called = run:now()
+        if rig.side_camera:grab().time < called then old = old + 1 end
+        run:wait(0.011 * k)
+        called = run:now()
+        local frame = rig.side_camera:grab { fresh = true }
+        if frame.time - half < called then error(('%g s too old'):format(called - frame.time + half), 0) end
+      end
+      run:result('old', old)
+    end })");
+  const Spoken spoken = place.vitreo("run fresh.lua --json");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  EXPECT_GT(nlohmann::json::parse(spoken.out)["results"]["old"], 0) << "without it, some are";
+}
+
 // The robot's motion alone, and what it makes of the field is in force at the next start. A machine
 // drawn from another seed than any other test's.
 TEST(Calibrations, TheFieldIsKnownByTheRobotsMotionAndInForceAtTheNextStart) {

@@ -97,17 +97,22 @@ int camera_grab(Call& call) {
   Camera* const camera = &call.self<Camera>();
   const std::uint64_t last = call.context().last_frames[camera];
   const Time timeout = from_seconds(call.number_option("timeout").value_or(5));
-  const auto after = call.number_option("after");
   Clock* const clock = &session_of(call.L).clock;
+  std::optional<Time> after;
+  // An exposure, whose middle is known, lasts a frame's period at most.
+  if (call.flag_option("fresh"))
+    after = clock->now() + from_seconds(camera->info().frame_period / 2);
+  if (const auto since = call.number_option("after"))
+    after = std::max(after.value_or(Time(0)), from_seconds(*since));
   const auto grab = [=] {
     const Time began = clock->now();
     for (;;) {
       *frame = camera->grab(timeout);
-      if (!after || frame->exposed >= from_seconds(*after)) return;
+      if (!after || frame->exposed >= *after) return;
       if (clock->now() - began < timeout) continue;
       throw DeviceError(DeviceErrorKind::timeout, camera->info().identity,
-                        fmt::format("no frame was exposed after {:g} s within {:g} s", *after,
-                                    to_seconds(timeout)));
+                        fmt::format("no frame was exposed after {:g} s within {:g} s",
+                                    to_seconds(*after), to_seconds(timeout)));
     }
   };
   // The camera keeps the time itself and says more; ours is only there should it hang.
@@ -360,6 +365,11 @@ const Class& camera_class() {
                       .max = 1e9,
                       .help = "of the run: only a frame whose exposure is of then or later; "
                               "run:now() after something has moved (none)"},
+                     {.name = "fresh",
+                      .type = Type::flag,
+                      .optional = true,
+                      .help = "only a frame that was exposed as a whole after the call: after "
+                              "something has moved (false)"},
                      timeout("5 s")})},
         {"table",
          {{"image", "", "image"},
