@@ -39,6 +39,19 @@ Draw drawn(std::mt19937_64& random, double field, double force) {
 
 CurrentLimits limits_of(double limit) { return CurrentLimits::Constant(8, limit); }
 
+TEST(AllocateWithin, coils_of_less_than_an_ampere_have_a_headroom_too) {
+  std::mt19937_64 random(2);
+  for (int trial = 0; trial < 20; ++trial) {
+    Draw draw = drawn(random, 0.1e-3, 0);
+    draw.wanted.levitation.setZero();
+    const BoxAllocation given =
+        allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(0.5));
+    const double largest = given.currents.cwiseAbs().maxCoeff();
+    ASSERT_GT(largest, 1e-3);
+    EXPECT_NEAR(given.headroom, 1 - largest / 0.5, 1e-12);
+  }
+}
+
 TEST(AllocateWithin, is_the_least_norm_answer_where_no_limit_is_met) {
   std::mt19937_64 random(1);
   for (int trial = 0; trial < 100; ++trial) {

@@ -232,6 +232,75 @@ TEST(PositionEstimator, a_robot_that_does_not_answer_meets_a_bound_and_it_says_s
   EXPECT_LT(estimate->position.norm(), 30e-6);
 }
 
+Eigen::Matrix<double, 8, 1> state_of(const PositionEstimator& filter, double time) {
+  const PositionEstimate now = *filter.at(time);
+  Eigen::Matrix<double, 8, 1> state;
+  state << now.position, now.disturbance, now.gain, now.delay;
+  return state;
+}
+
+// Two filters that were told a little differently once, and then the same: their difference goes on
+// as last_update() says.
+TEST(PositionEstimator, says_how_an_error_of_its_state_goes_on) {
+  EstimatorSettings settings;
+  settings.gain_sigma = 0.35;
+  settings.delay_sigma = 30e-3;
+  PositionEstimator one(settings), other(settings);
+  double compared = 0;
+  for (int k = 0; k < 60; ++k) {
+    const double time = k / 15.0;
+    // It goes as it is told, but for a little.
+    const Eigen::Vector3d off(1e-6 * std::sin(0.7 * k), 1e-6 * std::cos(0.4 * k), 1e-6);
+    const Eigen::Vector3d seen = (k > 0 ? one.at(time)->position : Eigen::Vector3d(0, 0, 0)) + off;
+    const Eigen::Vector3d lie =
+        k == 25 ? Eigen::Vector3d(2e-6, -1e-6, 1e-6) : Eigen::Vector3d(0, 0, 0);
+    const bool known = k > 25;
+    Eigen::Matrix<double, 8, 1> error;
+    if (known) error = state_of(other, (k - 1) / 15.0) - state_of(one, (k - 1) / 15.0);
+    one.measure(at(time, seen));
+    other.measure(at(time, seen + lie));
+    if (known) {
+      const EstimatorUpdate& update = one.last_update();
+      ASSERT_EQ(update.bounded.norm(), 0) << k;
+      Eigen::Matrix<double, 8, 1> went = error;
+      went.head<3>() +=
+          error.segment<3>(3) / 15 + update.by_gain * error[6] + update.by_delay * error[7];
+      went -= update.gain * went.head<3>();
+      const Eigen::Matrix<double, 8, 1> found = state_of(other, time) - state_of(one, time);
+      const Eigen::Matrix<double, 8, 1> unit =
+          (Eigen::Matrix<double, 8, 1>() << 1e-6, 1e-6, 1e-6, 1e-5, 1e-5, 1e-5, 1e-2, 1e-3)
+              .finished();
+      EXPECT_LT((found - went).cwiseQuotient(unit).norm(), 0.02) << k;
+      compared += error.cwiseQuotient(unit).norm();
+      EXPECT_GT(std::abs(update.by_gain.norm()), 0) << k;
+    }
+    one.command(time, {1e-3 * std::sin(0.9 * k), 1e-3 * std::cos(0.5 * k), 0});
+    other.command(time, {1e-3 * std::sin(0.9 * k), 1e-3 * std::cos(0.5 * k), 0});
+  }
+  EXPECT_GT(compared, 5) << "they differ";
+}
+
+TEST(PositionEstimator, says_what_its_bounds_added) {
+  EstimatorSettings settings;
+  settings.gain_sigma = 0.35;
+  settings.delay_sigma = 30e-3;
+  PositionEstimator filter(settings);
+  int bounded = 0;
+  for (int k = 0; k < 300; ++k) {
+    const Eigen::Vector3d seen(0, 0, 0);
+    if (filter.measure(at(k / 15.0, seen)) && filter.innovation()) {
+      const EstimatorUpdate& update = filter.last_update();
+      const Eigen::Vector3d value = filter.innovation()->value;
+      const Eigen::Vector3d unbounded = seen - value + update.gain.topRows<3>() * value;
+      const Eigen::Vector3d added = filter.at(k / 15.0)->position - unbounded;
+      EXPECT_LT((added - update.bounded.head<3>()).norm(), 1e-15) << k;
+      bounded += update.bounded.head<3>().norm() > 1e-9 ? 1 : 0;
+    }
+    filter.command(k / 15.0, {1e-3 * std::sin(0.9 * k), 1e-3 * std::cos(0.5 * k), 0});
+  }
+  EXPECT_GT(bounded, 3);
+}
+
 TEST(PositionEstimator, takes_up_again_after_a_long_silence) {
   PositionEstimator estimator({});
   for (int k = 0; k < 20; ++k) estimator.measure(at(0.1 * k, {10e-6 * k, 0, 0}));
