@@ -21,10 +21,15 @@ constexpr double kHealthyTurn = 0.022;
 // Evidence against gains alone below which the rest is not asked for: it explains more, so that
 // less is left, and takes many times as long.
 constexpr double kAsked = 25;
-// Lacks that are looked for: from a hundredth to twice of what was given, which is a coil whose
-// leads are exchanged, and a little beyond.
+// Lacks that are looked for: a coil that is weak or dead, and one whose leads are exchanged (2). No
+// fault is between them; and where a lack's two parts go against each other, one of 1.5 moves the
+// robot as one of a half does.
 constexpr double kLeast = 0.01;
+constexpr double kDead = 1.1;
+constexpr double kLeastExchanged = 1.7;
 constexpr double kMost = 2.5;
+// 2 ln of the odds of a coil that grows weak against one whose leads are exchanged under way.
+constexpr double kWeakRather = 9;
 
 }  // namespace
 
@@ -183,9 +188,11 @@ CoilWatch::Finding CoilWatch::suspect_of(const Hypothesis& one, Eigen::Index err
   Finding found;
   for (Eigen::Index k = 0; k < coils_; ++k) {
     const double mixed = sums.mixed[k] - white.col(k).dot(white.col(coils_ + k));
-    const Lack lack = most_probable_lack(
-        {product[k], product[coils_ + k], information[k], mixed, information[coils_ + k]}, kLeast,
-        kMost);
+    const LackSums of_coil{product[k], product[coils_ + k], information[k], mixed,
+                           information[coils_ + k]};
+    const Lack weak = most_probable_lack(of_coil, kLeast, kDead);
+    const Lack exchanged = most_probable_lack(of_coil, kLeastExchanged, kMost);
+    const Lack lack = exchanged.ratio > weak.ratio + kWeakRather * noise ? exchanged : weak;
     const double evidence = lack.ratio / noise;
     if (evidence > found.evidence) {
       found.next = found.evidence;
@@ -232,7 +239,6 @@ CoilWatch::Finding CoilWatch::most_suspect() const {
   const auto suspect = [&](const Hypothesis& one) {
     suspects.push_back({one, suspect_of(one, coils_)});
   };
-  if (standing_.age > kStanding) suspect({&standing_.sums, &standing_.healthy, nullptr});
   for (const Begin& begin : begins_)
     if (begin.age >= kYoungest) suspect({&begin.sums, &healthy_, &begin.healthy});
   // Turns only take from the evidence of gains: where what is left of one is more than the gains'
@@ -240,6 +246,13 @@ CoilWatch::Finding CoilWatch::most_suspect() const {
   std::stable_sort(suspects.begin(), suspects.end(), [](const Suspect& a, const Suspect& b) {
     return a.by_gains.evidence > b.by_gains.evidence;
   });
+  // One that began within the last seconds, if any: of a lack since ever, which explains as much of
+  // what came of it, a half looks like exchanged leads.
+  if (standing_.age > kStanding &&
+      (suspects.empty() || suspects.front().by_gains.evidence < kAsked))
+    suspects.insert(suspects.begin(),
+                    {{&standing_.sums, &standing_.healthy, nullptr},
+                     suspect_of({&standing_.sums, &standing_.healthy, nullptr}, coils_)});
   Finding most;
   for (const auto& [hypothesis, by_gains] : suspects) {
     if (by_gains.evidence <= most.evidence) break;

@@ -42,6 +42,7 @@ void LoopReport::kept_out(bool is) {
 }
 
 void LoopReport::quality(const LoopQuality& now) {
+  constexpr double kExchanged = 1.5;  // lack: of a coil that carries the opposite it is 2
   const auto report = [this](bool is, bool was, const char* name, const std::string& what) {
     if (!is || was) return;
     recorder_.event(clock_.now(), "control", std::string(name) + ": " + what);
@@ -61,8 +62,10 @@ void LoopReport::quality(const LoopQuality& now) {
          "what pushes the robot is more than a free robot shows: it is held fast, or the field "
          "is not as commanded");
   report(now.weak_coil != 0, quality_.weak_coil == now.weak_coil, "weak coil",
-         fmt::format("coil {} seems to carry {:.0f} % of what it is given", now.weak_coil,
-                     100 * std::max(0.0, 1 - now.lack)));
+         now.lack > kExchanged
+             ? fmt::format("the leads of coil {} seem to be exchanged", now.weak_coil)
+             : fmt::format("coil {} seems to carry {:.0f} % of what it is given", now.weak_coil,
+                           100 * std::max(0.0, 1 - now.lack)));
   worst_.oscillating |= now.oscillating;
   worst_.standing |= now.standing;
   worst_.off_target |= now.off_target;
