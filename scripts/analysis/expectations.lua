@@ -25,6 +25,12 @@ end
 -- As it stands in the table: "differs, 4.1 spreads".
 local function verdict_text(row) return row.verdict .. (row.deviation and (", %.1f spreads"):format(row.deviation) or "") end
 
+-- What came out here, where something did.
+local function answer_text(row)
+  local there = row.ours == row.ours and math.abs(row.ours) ~= math.huge
+  return there and format_quantity(row.ours, row.unit) or "no answer"
+end
+
 --- Opens a book. `where` names the table or figure that the rows belong to, unless a row names its own.
 function expect.book(run, where) return setmetatable({ run = run, where = where, rows = {}, known = {} }, book) end
 
@@ -93,7 +99,7 @@ function book:close()
       row.where,
       row.what,
       row.thesis and format_quantity(row.thesis, row.unit) or "–",
-      format_quantity(row.ours, row.unit),
+      answer_text(row),
       row.tolerance,
       verdict_text(row),
       why,
@@ -130,7 +136,7 @@ function book:close()
       self.run:note(
         ("%s: %s here, %s in the thesis, %s: %s"):format(
           row.what,
-          format_quantity(row.ours, row.unit),
+          answer_text(row),
           row.thesis and format_quantity(row.thesis, row.unit) or "–",
           row.tolerance,
           verdict_text(row)

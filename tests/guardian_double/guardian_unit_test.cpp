@@ -7,6 +7,10 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <pthread.h>
 #include <signal.h>
 #include <string>
 #include <sys/wait.h>
@@ -27,6 +31,42 @@ TEST_F(GuardianUnit, GetsEveryOutputBeforeAnythingElseInASessionOfItsOwn) {
   EXPECT_TRUE(is_there(guardian->process()));
   EXPECT_FALSE(guardian->shares_group());
   EXPECT_FALSE(guardian->lost());
+}
+
+/// Numbers of the descriptors that a process holds.
+std::vector<int> descriptors_of(pid_t process) {
+  std::vector<int> found;
+  for (const auto& entry :
+       std::filesystem::directory_iterator("/proc/" + std::to_string(process) + "/fd"))
+    found.push_back(std::stoi(entry.path().filename()));
+  return found;
+}
+
+TEST_F(GuardianUnit, HoldsNoDescriptorOfTheHostsButItsSocket) {
+  // From 4 on, the number behind its socket's, some that a program which is started would inherit.
+  std::vector<int> inherited;
+  for (int k = 0; k < 8; ++k) inherited.push_back(::fcntl(STDERR_FILENO, F_DUPFD, 4));
+  const auto guardian = make();
+  const std::vector<int> its = descriptors_of(guardian->process());
+  for (const int one : inherited) ::close(one);
+  // Of its own it has the file that it writes, in the lowest free place.
+  const auto above = std::count_if(its.begin(), its.end(), [](int one) { return one > 3; });
+  EXPECT_EQ(above, 1);
+}
+
+TEST_F(GuardianUnit, IsStartedWithNoSignalBlocked) {
+  sigset_t blocked, before;
+  sigemptyset(&blocked);
+  for (const int signal : {SIGTERM, SIGUSR1, SIGCHLD}) sigaddset(&blocked, signal);
+  pthread_sigmask(SIG_BLOCK, &blocked, &before);
+  const auto guardian = make();
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  std::ifstream status("/proc/" + std::to_string(guardian->process()) + "/status");
+  std::string line, mask;
+  while (std::getline(status, line))
+    if (line.rfind("SigBlk:", 0) == 0)
+      mask = line.substr(line.find_first_of("0123456789abcdef", 7));
+  EXPECT_EQ(mask, "0000000000000000");
 }
 
 TEST_F(GuardianUnit, SaysWhetherItSharesTheHostsControlGroup) {

@@ -342,6 +342,41 @@ TEST_F(GuardianUnit, IsNotBuriedInMessagesWhileItDoesNotAnswer) {
   EXPECT_TRUE(is_there_again(*guardian));
 }
 
+// Five turns: what it had not acknowledged when it froze is one of the five messages.
+TEST_F(GuardianUnit, ThatIsFrozenHasFiveMessagesWaitingWhenItIsLost) {
+  const auto guardian = make();
+  guardian->arm("coils");
+  ASSERT_TRUE(hears("b", 3));
+  Frozen frozen(guardian->process());
+  const std::size_t before = count("b");
+  ASSERT_TRUE(lost_at(*guardian, kHard));
+  healthy = false;  // nothing more is said when it goes on
+  frozen.thaw();
+  ASSERT_TRUE(hears("b", before + 5));
+  std::this_thread::sleep_for(100ms);
+  EXPECT_EQ(count("b"), before + 5);
+}
+
+TEST_F(GuardianUnit, ThatAcknowledgesMoreThanItWasToldIsMissedAllTheSame) {
+  mode("eager");
+  const auto guardian = make();
+  guardian->arm("coils");
+  ASSERT_TRUE(hears("b", 20));
+  const Frozen frozen(guardian->process());
+  EXPECT_TRUE(lost_at(*guardian, kHard));
+}
+
+TEST_F(GuardianUnit, ThatDiesIsSaidToBeGone) {
+  for (const bool armed : {false, true}) {
+    const auto guardian = make();
+    if (armed) guardian->arm("coils");
+    std::this_thread::sleep_for(60ms);
+    ::kill(guardian->process(), SIGKILL);
+    ASSERT_TRUE(lost_at(*guardian, kHard)) << armed;
+    EXPECT_EQ(guardian->trouble(), "the process that guards the outputs is gone") << armed;
+  }
+}
+
 TEST_F(GuardianUnit, ThatIsFrozenAtTheEndIsKilled) {
   auto guardian = make();
   const pid_t process = guardian->process();

@@ -238,6 +238,20 @@ TEST(Calibrations, CamerasAreCalibratedOnAnyBench) {
   }
 }
 
+TEST(Expectations, ANumberThatCameToNothingIsAGoalThatIsMissed) {
+  const Workplace place;
+  place.write("nothing.lua", R"(local expect = require 'analysis.expectations'
+    return { title = 'no answer', rig = 'simulated', run = function(rig, p, run)
+      local book = expect.book(run, 'goal')
+      book:number { id = 'a', what = 'a ratio', ours = 0 / 0, unit = 'm', at_most = 1 }
+      book:number { id = 'b', what = 'a limit', ours = math.huge, unit = 'm', at_most = 1 }
+      book:close()
+    end })");
+  const Spoken spoken = place.vitreo("run nothing.lua --json");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  EXPECT_EQ(nlohmann::json::parse(spoken.out)["results"]["verdict_goal_missed"], 2);
+}
+
 TEST(Calibrations, AFreshFrameWasExposedAfterTheCall) {
   const Workplace place;
   place.write("fresh.lua",

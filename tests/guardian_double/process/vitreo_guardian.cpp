@@ -6,6 +6,7 @@
 //                          deaf     gets ready, and acknowledges nothing
 //                          slow     each acknowledgement 60 ms late, however many are on their way
 //                          tires    acknowledges the first ten messages, and then none
+//                          eager    acknowledges each message three times
 //                          dawdles  needs a second to leave, and writes "left" then
 //                          stays    does not leave, whatever it is told
 // The protocol is docs/safety.md's: packets over a socket with the number 3; 'O' and the outputs,
@@ -67,11 +68,12 @@ class Acknowledgements {
  public:
   explicit Acknowledgements(const std::string& mode)
       : late_(mode == "slow" ? kLate : 0),
-        most_(mode == "deaf" ? 0 : (mode == "tires" ? kUntilTired : -1)) {}
+        most_(mode == "deaf" ? 0 : (mode == "tires" ? kUntilTired : -1)),
+        each_(mode == "eager" ? 3 : 1) {}
   void owe() {
     if (most_ == 0) return;
     if (most_ > 0) --most_;
-    due_.push_back(now() + late_);
+    for (int k = 0; k < each_; ++k) due_.push_back(now() + late_);
     pay();
   }
   void pay() {
@@ -86,6 +88,7 @@ class Acknowledgements {
  private:
   const long long late_;
   int most_;  // -1: without end
+  const int each_;
   std::deque<long long> due_;
 };
 
