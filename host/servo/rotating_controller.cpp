@@ -199,15 +199,22 @@ void RotatingController::tune(double now, const control::PositionMeasurement& fi
 void RotatingController::watch(const control::PositionMeasurement& measured, RotatingStep& step) {
   if (!last_ || measured.time < began_ + kGrace) return;
   const double span = measured.time - last_->time;
+  const Eigen::Vector3d from = commands_.velocity_at(last_->time);
+  const control::CommandHistory::Motion motion =
+      commands_.advance(from, last_->time, measured.time);
+  commands_.forget_before(last_->time - commands_.memory());
+  // One that is spun may be spun beyond its step-out on purpose, and stand.
+  if (spin_)
+    still_.reset();
+  else
+    still_.add(measured.time, measured.position, std::sqrt(measured.covariance.trace() / 3),
+               motion.moved + span * sinking());
+  state_.standing = still_.stands();
   if (turning_ > 0) {
     turning_ -= span;
     interrupt();
     return;
   }
-  const Eigen::Vector3d from = commands_.velocity_at(last_->time);
-  const control::CommandHistory::Motion motion =
-      commands_.advance(from, last_->time, measured.time);
-  commands_.forget_before(last_->time - commands_.memory());
   const double commanded = motion.moved.norm();
   if (!(commanded > 0)) return;
   const Eigen::Vector3d along = motion.moved / commanded;
@@ -468,8 +475,9 @@ void RotatingController::reset() {
   estimator_.reset();
   tuning_.reset();
   watch_.reset();
+  still_.reset();
   step_outs_ = 0;
-  state_.unresponsive = false;
+  state_.unresponsive = state_.standing = false;
   commands_.clear();
   turned_.clear();
   beat_.reset();

@@ -7,6 +7,7 @@
 #include "control/command_history.h"
 #include "control/estimator.h"
 #include "control/servo_law.h"
+#include "control/standstill.h"
 #include "control/swim_law.h"
 #include "host/rig/rig.h"
 #include "host/servo/robot_clearance.h"
@@ -98,6 +99,7 @@ class RotatingController {
   double coils_limit_ = 0;  // Hz
   double step_out_limit_;   // Hz; infinite until there was one
   control::StepOutWatch watch_;
+  control::Standstill still_;
   RotationState state_;
   std::optional<Spin> spin_;
   std::optional<control::ServoTuning> tuning_;

@@ -32,6 +32,7 @@ struct RotationState {
   double believed_step_out = 0;        // Hz, by the model; 0: a tail, which has none
   double set_points = 0;               // 1/s
   bool unresponsive = false;           // moves less than it is driven, at any frequency
+  bool standing = false;               // is steered, and seen in one place
 };
 
 }  // namespace vitreo

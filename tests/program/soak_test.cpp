@@ -40,6 +40,16 @@ TEST(Soak, OfAHoldBesideAPdFindsNothingEither) {
   EXPECT_NE(said.out.find("\n6 seeds, 0 violations"), std::string::npos) << said.out;
 }
 
+// A swimmer's sensor that repeats an old place: it was steered by it for 48 s.
+TEST(Soak, OfASwimmerWithAnOldPlaceFindsNothing) {
+  const Workplace place;
+  for (const char* seed : {"559", "560"}) {
+    const Spoken said = place.vitreo(std::string("soak swim_path --seed ") + seed);
+    EXPECT_EQ(said.exit_code, 0) << said.out << said.err;
+    EXPECT_NE(said.out.find("stale"), std::string::npos) << said.out;
+  }
+}
+
 TEST(Soak, ASeedHappensAgainAsItDid) {
   const Workplace place;
   for (const char* seed : {"3", "5"}) {

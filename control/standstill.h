@@ -1,0 +1,34 @@
+// Standstill: a robot that is told to go and is seen in one place, whatever moves it.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include <deque>
+
+namespace vitreo::control {
+
+/// Held fast, or the view is old: over the shortest of the last spans in which the robot was told
+/// to go 0.4 mm and ten standard deviations of a place, and one and a quarter seconds, it was
+/// within noise of one place. One that has lost the field sinks, or drifts, and is not meant.
+class Standstill {
+ public:
+  /// `told`: m, what the robot was to move since the last call, behind delay and lag, its sinking
+  /// included; `sigma`: m, of a coordinate of the place. Times that run backwards begin anew.
+  void add(double time, const Eigen::Vector3d& place, double sigma, const Eigen::Vector3d& told);
+  bool stands() const { return stands_; }
+  void reset() { *this = Standstill(); }
+
+ private:
+  struct Seen {
+    double time;
+    Eigen::Vector3d place;
+    double sigma;
+    Eigen::Vector3d told;  // m, since the first
+  };
+  bool look() const;
+  std::deque<Seen> lately_;
+  bool stands_ = false;
+};
+
+}  // namespace vitreo::control
