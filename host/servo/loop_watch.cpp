@@ -18,7 +18,7 @@ constexpr double kMargin = 20;
 // Part of a coil's current: below it, gains and places of healthy coils explain as much.
 constexpr double kLeastLack = 0.3;
 constexpr double kMostLack = 2.45;  // exchanged leads are 2
-constexpr double kSure = 0.4;  // s, for which one coil must be the suspect before it is named
+constexpr double kSure = 0.4;       // s, for which one coil must be the suspect before it is named
 // s after the first measurement, in which the filter finds out gain and delay and the robot may
 // fall: what coils do is not heard before.
 constexpr double kQuiet = 6;
