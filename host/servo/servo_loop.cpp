@@ -22,18 +22,6 @@ constexpr double kKeptCorrections = 30;  // s
 /// m: nearer to a wall than this the robot's motion says nothing of the coils.
 constexpr double kFree = 0.3e-3;
 
-/// A limit cycle is an alarm; one that throws the robot about, faster than any command, is the
-/// loop's end. Empty: it does not.
-std::string thrown_about(const LoopQuality& quality) {
-  constexpr double kThrown = 1e-3;        // m
-  constexpr double kThrownSpeed = 10e-3;  // m/s, the fastest of a swing
-  if (!quality.oscillating || quality.amplitude < kThrown ||
-      2 * M_PI * quality.amplitude < kThrownSpeed * quality.period)
-    return "";
-  return fmt::format("the loop is not stable: the robot goes to and fro by {} in {}",
-                     format_quantity(quality.amplitude, "m"), format_quantity(quality.period, "s"));
-}
-
 }  // namespace
 
 Servo::Loop::Loop(Clock& the_clock, Rig& the_rig, Recorder& the_recorder,
@@ -200,8 +188,6 @@ bool Servo::Loop::beside_a_wall(const control::WallClearance& wall) const {
 
 void Servo::Loop::watch_plant(const Frame& frame, double now, const Observation& observation,
                               const ControlStep& step) {
-  if (const std::string thrown = thrown_about(step.quality); !thrown.empty() && !let_go)
-    let_the_robot_go(thrown);
   const auto stands = [this] {
     if (settings.feedback == Feedback::none || may_touch || let_go) return;
     let_the_robot_go(
