@@ -249,10 +249,10 @@ CoilWatch::Finding CoilWatch::most_suspect() const {
   // One that began within the last seconds, if any: of a lack since ever, which explains as much of
   // what came of it, a half looks like exchanged leads.
   if (standing_.age > kStanding &&
-      (suspects.empty() || suspects.front().by_gains.evidence < kAsked))
-    suspects.insert(suspects.begin(),
-                    {{&standing_.sums, &standing_.healthy, nullptr},
-                     suspect_of({&standing_.sums, &standing_.healthy, nullptr}, coils_)});
+      (suspects.empty() || suspects.front().by_gains.evidence < kAsked)) {
+    const Hypothesis since_ever{&standing_.sums, &standing_.healthy, nullptr};
+    suspects.insert(suspects.begin(), {since_ever, suspect_of(since_ever, coils_)});
+  }
   Finding most;
   for (const auto& [hypothesis, by_gains] : suspects) {
     if (by_gains.evidence <= most.evidence) break;

@@ -129,13 +129,21 @@ TEST_P(Mp285Double, KeepsTheContractOfAStage) {
 INSTANTIATE_TEST_SUITE_P(Ways, Mp285Double, testing::Values(Options{}, Options{"late=0.6"}),
                          [](const auto& made) { return name_of(made.param); });
 
+// Like the instrument it hangs for good where the pause within an order is too short. A machine
+// that is late with the pause's first byte makes it so: then once more, with another one.
 TEST(Mpc200Double, KeepsTheContractOfAStage) {
-  const auto clock = wall_clock();
-  DoubleProcess instrument("sutter_mpc200");
-  const auto stage = sutter_mpc200::open(line_to(instrument, 128000, *clock), {}, *clock);
-  contract::StageCheck how;
-  how.way = 0.5e-3;
-  EXPECT_EQ(contract::check(*stage, *clock, how), Findings{});
+  constexpr int kAttempts = 3;
+  for (int attempt = 1;; ++attempt) {
+    const auto clock = wall_clock();
+    DoubleProcess instrument("sutter_mpc200");
+    const auto stage = sutter_mpc200::open(line_to(instrument, 128000, *clock), {}, *clock);
+    contract::StageCheck how;
+    how.way = 0.5e-3;
+    const Findings found = contract::check(*stage, *clock, how);
+    if (!found.empty() && instrument.number("hung") != 0 && attempt < kAttempts) continue;
+    EXPECT_EQ(found, Findings{}) << "attempt " << attempt;
+    return;
+  }
 }
 
 TEST(TicDouble, KeepsTheContractOfALensMover) {
