@@ -135,13 +135,14 @@ class PutUnseen {
   std::vector<Span> repeats_;
 };
 
-/// Of the loop that ran at `time`, as the record says: a PD steers by what it saw and estimates
-/// nothing.
+/// Of the loop that ran at `time`, as the record says: PD and velocity control steer by what they
+/// saw and estimate nothing.
 bool estimated(const std::vector<Event>& events, Time time) {
-  bool estimates = false;
+  bool estimates = true;
   for (const Event& event : events) {
     if (event.time > time) break;
-    if (event.kind == "feedback") estimates = event.text.starts_with("law estimator");
+    if (event.kind == "feedback")
+      estimates = !event.text.starts_with("law pd") && !event.text.starts_with("law velocity");
   }
   return estimates;
 }

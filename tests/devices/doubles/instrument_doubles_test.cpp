@@ -16,6 +16,7 @@
 #include "devices/links/address.h"
 #include "devices/time/error.h"
 #include "tests/devices/doubles/double_process.h"
+#include "tests/machine_lateness.h"
 
 #include <gtest/gtest.h>
 
@@ -143,15 +144,19 @@ Findings of_an_mpc200() {
   }
 }
 
-// Its orders have no end mark: like the instrument it hangs where the pause within one is too
-// short, and takes what comes while it moves for nothing, the rest of an order then for another. A
-// busy machine that keeps the double waiting makes it so (2 of 12 beside four busy loops of a
-// better priority, 1 of some hundred suites): judged is the best of three.
+// Its orders have no end mark: like the instrument it hangs where the pause within one, which the
+// driver makes 5 ms longer than it must be, is too short, and takes what comes while it moves for
+// nothing, the rest of an order then for another. A machine that is late by more than those 5 ms
+// makes it so, and only then it is asked again.
 TEST(Mpc200Double, KeepsTheContractOfAStage) {
-  Findings found;
-  for (int attempt = 0; attempt < 3; ++attempt)
-    if (found = of_an_mpc200(); found.empty()) return;
-  EXPECT_EQ(found, Findings{});
+  for (int attempt = 1;; ++attempt) {
+    const MachineLateness machine;
+    const Findings found = of_an_mpc200();
+    if (!found.empty() && machine.worst() > 5ms && attempt < 3) continue;
+    EXPECT_EQ(found, Findings{}) << "the machine was late by " << to_seconds(machine.worst())
+                                 << " s";
+    return;
+  }
 }
 
 TEST(TicDouble, KeepsTheContractOfALensMover) {

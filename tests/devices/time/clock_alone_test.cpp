@@ -1,8 +1,8 @@
 // A task that computes alone: at the pace of the wall clock the others have their turns beside it.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/time/clock.h"
-#include "devices/time/quiet_thread.h"
 #include "devices/time/turn_sharing.h"
+#include "tests/machine_lateness.h"
 
 #include <gtest/gtest.h>
 
@@ -19,34 +19,6 @@ namespace VITREO_TEST_FILE {
 
 using namespace std::chrono_literals;
 using Steady = std::chrono::steady_clock;
-
-/// How late this machine wakes a thread that does nothing but sleep, beside what is measured: the
-/// machine's own share of every lateness.
-class MachineLateness {
- public:
-  MachineLateness() {
-    thread_ = quiet_thread([this] {
-      while (!over_) {
-        const auto due = Steady::now() + 2ms;
-        std::this_thread::sleep_until(due);
-        const Time late = Steady::now() - due;
-        if (late > worst_.load()) worst_ = late;
-      }
-    });
-  }
-  ~MachineLateness() {
-    over_ = true;
-    thread_.join();
-  }
-  MachineLateness(const MachineLateness&) = delete;
-  MachineLateness& operator=(const MachineLateness&) = delete;
-  Time worst() const { return worst_; }
-
- private:
-  std::atomic<bool> over_{false};
-  std::atomic<Time> worst_{Time(0)};
-  std::thread thread_;
-};
 
 void compute_for(Time duration) {
   for (const auto until = Steady::now() + duration; Steady::now() < until;) continue;
