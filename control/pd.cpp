@@ -3,6 +3,7 @@
 
 #include "control/preconditions.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vitreo::control {
@@ -20,14 +21,15 @@ PdController::PdController(const PdGains& gains) : gains_(gains) { gains_.check(
 // u = v_ref + Kp e + Ki integral(e) + Kd (v_ref - v), e = p_ref - p (thesis 6.2 with the integral
 // of 7.3): the robot is overdamped, so the controller asks for a velocity, not for a force. v is
 // the measured velocity behind a first-order low-pass of time constant T.
-// m/s, at most max_speed. Times must not run backwards; `time` is that of the measurement, so that
-// latency does not spoil the derivative.
+// m/s, at most max_speed and `at_most`. Times must not run backwards; `time` is that of the
+// measurement, so that latency does not spoil the derivative.
 Eigen::Vector3d PdController::update(double time, const Eigen::Vector3d& measured,
-                                     const Reference& reference) {
+                                     const Reference& reference, double at_most) {
   require(std::isfinite(time), "time: not finite");
   require(measured.allFinite(), "measured: not finite");
   require(reference.position.allFinite() && reference.velocity.allFinite(),
           "reference: not finite");
+  require(at_most > 0, "at_most: must be above 0 m/s");
   require(!started_ || time >= time_, "time: runs backwards");
   const double since = started_ ? time - time_ : 0;
   if (!started_) {
@@ -51,12 +53,13 @@ Eigen::Vector3d PdController::update(double time, const Eigen::Vector3d& measure
   Eigen::Vector3d asked = other + sum;
   // Anti-windup by conditional integration: at the speed limit the sum is taken over only where it
   // leads out of the limit.
-  if (asked.norm() <= gains_.max_speed || asked.norm() < (other + sum_).norm())
+  const double limit = std::min(gains_.max_speed, at_most);
+  if (asked.norm() <= limit || asked.norm() < (other + sum_).norm())
     sum_ = sum;
   else
     asked = other + sum_;
   const double speed = asked.norm();
-  return speed > gains_.max_speed ? Eigen::Vector3d(asked * (gains_.max_speed / speed)) : asked;
+  return speed > limit ? Eigen::Vector3d(asked * (limit / speed)) : asked;
 }
 
 // The gains stay. The next update has no derivative, as after the construction.

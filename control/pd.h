@@ -5,6 +5,8 @@
 
 #include <Eigen/Core>
 
+#include <limits>
+
 namespace vitreo::control {
 
 struct PdGains {
@@ -28,8 +30,10 @@ struct Reference {
 class PdController {
  public:
   explicit PdController(const PdGains& gains);
-  /// The velocity to ask for, m/s, world. `time` in s, positions in m.
-  Eigen::Vector3d update(double time, const Eigen::Vector3d& measured, const Reference& reference);
+  /// The velocity to ask for, m/s, world. `time` in s, positions in m. `at_most`: m/s, a limit of
+  /// this moment, where it is below the gains' own.
+  Eigen::Vector3d update(double time, const Eigen::Vector3d& measured, const Reference& reference,
+                         double at_most = std::numeric_limits<double>::infinity());
   void reset();
 
  private:

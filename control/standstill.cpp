@@ -8,7 +8,6 @@ namespace {
 
 constexpr double kMemory = 20;       // s
 constexpr double kLeastSpan = 1.25;  // s
-constexpr double kTold = 0.4e-3;     // m
 constexpr double kToldSigmas = 10;
 // Of a coordinate, from the mean of all: of some dozens of places none is farther by chance.
 constexpr double kPlaceSigmas = 4.5;
@@ -28,9 +27,9 @@ void Standstill::add(double time, const Eigen::Vector3d& place, double sigma,
 
 bool Standstill::look() const {
   const Seen& now = lately_.back();
-  const auto first = std::find_if(lately_.rbegin(), lately_.rend(), [&now](const Seen& one) {
+  const auto first = std::find_if(lately_.rbegin(), lately_.rend(), [this, &now](const Seen& one) {
     return now.time - one.time >= kLeastSpan &&
-           (now.told - one.told).norm() >= std::max(kTold, kToldSigmas * now.sigma);
+           (now.told - one.told).norm() >= std::max(least_told_, kToldSigmas * now.sigma);
   });
   if (first == lately_.rend()) return false;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();

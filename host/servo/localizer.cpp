@@ -33,6 +33,13 @@ constexpr double kContourError_px = 0.1;
 
 constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any eye is long
 
+/// A robot that does not lie as its field does not fit the outline of one that does, by kAskew_px
+/// and more (px; one that does by 0.1 on the nominal eye), until it fits by less than kStraight_px.
+/// Between, it may lie as it likes, within kAstray, rad.
+constexpr double kAskew_px = 0.2;
+constexpr double kStraight_px = 0.12;
+constexpr double kAstray = 0.3;
+
 /// The body whose outline the tracker sees.
 optics::ObjectModel body_of(const control::Robot& robot) {
   const double thickness = control::plate_thickness(robot);
@@ -73,7 +80,12 @@ Localizer::Localizer(const RigModel& model, std::unique_ptr<RobotEye> eye,
     throw std::invalid_argument("axis_sigma must be in [0, 1) rad");
   if (!model_.plain_view) doubt_.emplace(model_, axis_, calibrated);
   if (has_flat_ends(model_.robot)) flat_ended_ = object_settings_of(model_, body_of(model_.robot));
-  if (!(axis_sigma > 0)) return;
+  if (!(axis_sigma > 0)) {
+    if (model_.plain_view) return;
+    astray_ = object_settings_of(model_, body_of(model_.robot));
+    astray_->orientation_sigma = kAstray;
+    return;
+  }
   tilted_ = object_settings_of(model_, body_of(model_.robot));
   tilted_->orientation_sigma = axis_sigma;
   // A cylinder or a disc is better found by its own ellipse (docs/localization.md): the rim of flat
@@ -95,6 +107,7 @@ Localizer::Localizer(const RigModel& model, vision::Background background,
 void Localizer::forget() {
   last_in_eye_.reset();
   last_attitude_.reset();
+  is_astray_ = false;
   eye_->forget();
 }
 
@@ -160,14 +173,15 @@ std::optional<Localizer::Found> Localizer::by_axis(const vision::EllipseMeasurem
 /// commanded one. An axis a degree or two off makes the robot look shorter or longer where it is
 /// seen askew, which by_axis takes for a depth; here the depth comes from the width, which no pitch
 /// changes, and the length says how the robot lies (docs/control.md).
-std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasurement& seen,
+std::optional<Localizer::Found> Localizer::with_axis(const optics::ObjectPoseSettings& settings,
+                                                     const vision::EllipseMeasurement& seen,
                                                      const Eigen::Vector3d& start_in_eye) const {
   // Axis and outline are weighed against each other by their systematic errors, sigma_axis against
   // kOutlineError_px; the covariance given to the solver stays that of the noise, which a filter
   // averages. Scaling the prior's sigma by noise / hypot(noise, outline error) does both. Weighed
   // by its noise alone the outline would bend the axis by five degrees to save a tenth of a pixel,
   // one way or the other from frame to frame where the robot is seen from straight above.
-  optics::ObjectPoseSettings weighed = *tilted_;
+  optics::ObjectPoseSettings weighed = settings;
   if (weighed.object.crossed && lies_level())
     weighed.object = optics::ellipsoid(
         {model_.robot.semi_radius, model_.robot.semi_radius, model_.robot.semi_axis});
@@ -185,17 +199,27 @@ std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasur
   // The body's third axis is the one of symmetry. The outline's systematic error, over the length
   // that shows it, is the least that is unknown of it, but for the prior.
   const double outline = error / seen.ellipse.semi_major_px;
-  const double known = 1 / std::hypot(1 / outline, 1 / tilted_->orientation_sigma);
+  const double known = 1 / std::hypot(1 / outline, 1 / settings.orientation_sigma);
   // The solver had the prior as much too narrow as the outline, so its covariance is that of the
   // noise. What is unknown of the axis is the prior where the outline does not show it: back to
   // scale.
-  const double scale = weighed.orientation_sigma / tilted_->orientation_sigma;
+  const double scale = weighed.orientation_sigma / settings.orientation_sigma;
   Eigen::Matrix<double, 3, 2> across;  // what turning about the body's first two axes does to it
   across << -best.pose.orientation.col(1), best.pose.orientation.col(0);
   const Eigen::Matrix2d turning = best.covariance.block<2, 2>(3, 3) / (scale * scale) +
                                   known * known * Eigen::Matrix2d::Identity();
-  return Found{best.pose.position_in_eye, covariance, best.residual_px, best.pose.orientation,
-               across * turning * across.transpose()};
+  return Found{best.pose.position_in_eye,
+               covariance,
+               best.residual_px,
+               best.pose.orientation,
+               across * turning * across.transpose(),
+               {},
+               settings.orientation_sigma};
+}
+
+bool Localizer::astray(double residual_px) {
+  is_astray_ = residual_px > (is_astray_ ? kStraight_px : kAskew_px);
+  return is_astray_;
 }
 
 /// Of plates that lie the ellipsoid's outline is off by the square of the sine of their pitch, 0.3
@@ -217,8 +241,8 @@ std::optional<Localizer::Found> Localizer::by_outline(const vision::EllipseMeasu
   if (!outline_) return std::nullopt;
   const auto pose = outline_->locate(seen, start_in_eye, expected_attitude());
   if (!pose) return std::nullopt;
-  return Found{pose->position_in_eye, pose->noise,           pose->residual_px,
-               pose->attitude,        pose->axis_covariance, pose->stays};
+  return Found{pose->position_in_eye, pose->noise, pose->residual_px,         pose->attitude,
+               pose->axis_covariance, pose->stays, tilted_->orientation_sigma};
 }
 
 /// The view from straight above without an eye, a scaled orthographic projection: x and y, and of
@@ -260,9 +284,8 @@ SystematicDoubt Localizer::systematic_of(const Found& found,
   const Eigen::Matrix3d of_place = place_covariance(model_, found.position_in_eye, measured);
   const Eigen::Vector3d axis =
       found.attitude && !measured ? Eigen::Vector3d(found.attitude->col(2)) : axis_;
-  const auto of_view =
-      doubt_->systematic(found.position_in_eye, axis, seen, found.attitude.has_value(),
-                         tilted_ ? tilted_->orientation_sigma : 0);
+  const auto of_view = doubt_->systematic(found.position_in_eye, axis, seen,
+                                          found.attitude.has_value(), found.axis_sigma);
   if (!of_view) return {kEye * kEye * Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero()};
   if (measured || !found.stays) return {of_place + of_view->whole, of_view->by_attitude};
   // Attitude and outline as the outline's own fit has them; eye and calibration as of the ellipse.
@@ -273,8 +296,7 @@ SystematicDoubt Localizer::systematic_of(const Found& found,
 /// that is expected: the one that those optics estimate has their error in it. False where the
 /// chain shows no robot there.
 bool Localizer::relocate(Found& found, const vision::EllipseMeasurement& seen) const {
-  const auto at =
-      doubt_->located(found.position_in_eye, axis_, seen, tilted_ ? tilted_->orientation_sigma : 0);
+  const auto at = doubt_->located(found.position_in_eye, axis_, seen, found.axis_sigma);
   if (at) found.position_in_eye = *at;
   return at.has_value();
 }
@@ -289,7 +311,9 @@ void Localizer::localize(Observation& observation) {
     const Eigen::Vector3d start = found->position_in_eye;
     found = by_outline(*observation.ellipse, start);
     observation.by_outline = found.has_value();
-    if (!found) found = with_axis(*observation.ellipse, start);
+    if (!found) found = with_axis(*tilted_, *observation.ellipse, start);
+  } else if (found && astray(found->residual_px)) {
+    found = with_axis(*astray_, *observation.ellipse, found->position_in_eye);
   }
   // A residual may have a minimum far outside, where no robot can be: of 1e6 m, for one outline cut
   // by the image's edge.
@@ -312,7 +336,9 @@ void Localizer::localize(Observation& observation) {
   observation.covariance =
       found->covariance + error * error * Eigen::Matrix3d::Identity() + observation.systematic;
   observation.residual_px = found->residual_px;
-  if (found->attitude) observation.axis = found->attitude->col(2);
+  // One that is astray may have its twin's axis, on the other side of the line of sight.
+  if (!found->attitude || is_astray_) return;
+  observation.axis = found->attitude->col(2);
   observation.axis_covariance = found->axis_covariance;
   observation.axis_sigma = std::sqrt(found->axis_covariance.trace() / 2);
 }
@@ -329,7 +355,9 @@ void join_side(Observation& observation, const SideObservation& side) {
   const Eigen::Matrix<double, 3, 2> K = P * H.transpose() * S.inverse();  // K = P H' S^-1
   // Two covariances that are both singular: the top view's answer stays.
   if (!K.allFinite()) return;
-  *observation.position += K * (side.position - H * *observation.position);
+  const Eigen::Vector2d between = side.position - H * *observation.position;
+  observation.apart = std::sqrt(between.dot(S.inverse() * between));  // Mahalanobis
+  *observation.position += K * between;
   // Joseph form, (I - K H) P (I - K H)' + K R K': stays symmetric and positive definite.
   const Eigen::Matrix3d left = Eigen::Matrix3d::Identity() - K * H;
   observation.covariance = left * P * left.transpose() + K * side.covariance * K.transpose();

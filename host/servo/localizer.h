@@ -34,6 +34,8 @@ struct Observation {
   Eigen::Matrix3d noise() const { return covariance - systematic; }
   double residual_px = 0;           // of the pose against the ellipse
   std::optional<double> pair_skew;  // s: the side camera's exposure less this one; nothing: alone
+  /// How far apart both cameras see it, in standard deviations of that; 0: alone.
+  double apart = 0;
   std::optional<Eigen::Vector3d> axis{};  // the robot's, unit, world; nothing where not estimated
   /// Of the axis, along directions across it (singular along it): near level the top camera knows
   /// the azimuth to half a degree and of the pitch little beyond what was expected.
@@ -80,6 +82,7 @@ class Localizer {
     std::optional<Eigen::Matrix3d> attitude{};  // body to eye, its third axis the robot's
     Eigen::Matrix3d axis_covariance = Eigen::Matrix3d::Zero();  // eye
     std::optional<Eigen::Matrix3d> stays{};  // m^2, of an outline: of attitude and outline
+    double axis_sigma = 0;                   // rad, what was taken to be unknown of the axis
   };
   void localize(Observation& observation);
   void from_above(Observation& observation) const;
@@ -89,7 +92,9 @@ class Localizer {
   bool relocate(Found& found, const vision::EllipseMeasurement& seen) const;
   Eigen::Matrix3d expected_attitude() const;
   bool lies_level() const;
-  std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
+  bool astray(double residual_px);
+  std::optional<Found> with_axis(const optics::ObjectPoseSettings& settings,
+                                 const vision::EllipseMeasurement& seen,
                                  const Eigen::Vector3d& start_in_eye) const;
   std::optional<Found> by_outline(const vision::EllipseMeasurement& seen,
                                   const Eigen::Vector3d& start_in_eye) const;
@@ -102,6 +107,8 @@ class Localizer {
   std::optional<optics::ObjectPoseSettings> flat_ended_;  // a cylinder or a disc
   std::optional<ViewDoubt> doubt_;                        // none of a plain view
   std::optional<optics::ObjectPoseSettings> tilted_;      // where the axis is to be estimated
+  std::optional<optics::ObjectPoseSettings> astray_;      // where it is taken, and is another one
+  bool is_astray_ = false;                                // in the last image
   std::optional<OutlineLocalizer> outline_;               // and the body shows no ellipse
   std::optional<Eigen::Vector3d> last_in_eye_;
   std::optional<Eigen::Matrix3d> last_attitude_;

@@ -20,6 +20,10 @@ namespace {
 /// millimeters off (docs/safety.md).
 constexpr double kLargestResidual_px = 1.5;
 
+/// Standard deviations between both cameras' places. Healthy drawn benches stay below 2.4 and reach
+/// 6 for single frames of a fast robot (docs/safety.md).
+constexpr double kApart = 8;
+
 /// m/s, standard deviation: what moves the robot beyond the model, 0.1 to 0.3 mm/s on the simulated
 /// machines, and of a swimmer, whose speed the model of forces does not know.
 constexpr double kUnexplained = 0.3e-3;
@@ -198,10 +202,27 @@ void ObservationSource::join(ObservedFrame& found) {
       join_side(found.observation, *view);
       join_side_axis(found.observation, *view);
       found.observation.pair_skew = to_seconds(view->skew);
+      reject_contradicted(found);
     }
     joined = view.has_value();
   }
   if (rig_.model.plain_view && !joined) found.observation.position.reset();  // without a depth
+}
+
+/// Both cameras see one robot. Where they see it farther apart than all that is unknown of either
+/// allows, one of them was moved or turned, or sees something else, and which one is not known.
+void ObservationSource::reject_contradicted(ObservedFrame& found) {
+  const bool apart = found.observation.apart > kApart;
+  if (apart) {
+    found.observation.position.reset();
+    found.distrusted = "both cameras see the robot in different places";
+  }
+  if (apart && !was_apart_)
+    recorder_.event(clock_.now(), "degraded",
+                    fmt::format("both cameras see the robot in different places, {:.0f} standard "
+                                "deviations apart: neither is believed",
+                                found.observation.apart));
+  was_apart_ = apart;
 }
 
 /// One eye's own answer, held against all that can be known of it alone.

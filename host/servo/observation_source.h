@@ -67,6 +67,7 @@ class ObservationSource {
   };
   void report_fallback(Eye& eye, const Observation& observation);
   void join(ObservedFrame& found);
+  void reject_contradicted(ObservedFrame& found);
   Observation look(Eye& eye, const Frame& frame, bool ground_fits);
   void reject_implausible(Eye& eye, Observation& observation);
   void reject_misplaced(Eye& eye, double time, Observation& observation);
@@ -89,6 +90,7 @@ class ObservationSource {
   std::optional<ViewWatch> view_;  // of the feedbacks by a background
   bool was_other_view_ = false;
   bool was_contradicted_ = false;
+  bool was_apart_ = false;
 };
 
 }  // namespace vitreo

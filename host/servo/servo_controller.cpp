@@ -68,6 +68,23 @@ Eigen::Vector3d kept_out(const RobotClearance* clearance, const control::LoopIde
   return (kept.velocity - ahead.disturbance) / response;
 }
 
+/// m/s, of a law without prediction, however near a wall is.
+constexpr double kAlwaysSafe = 2e-3;
+
+/// m/s: as fast as a law without prediction may go whose robot is seen at `measured`. What it does
+/// not know of yet takes a dead time T; a loop that has become a relay goes to and fro by speed x T
+/// about its target, and shall do so within half of what is free about it. Never below what a robot
+/// needs to come away from a wall.
+double safe_speed(const RobotClearance* clearance,
+                  const std::optional<control::ServoTuning>& tuning,
+                  const control::PositionMeasurement& measured) {
+  if (clearance == nullptr || !tuning) return std::numeric_limits<double>::infinity();
+  const auto near = clearance->at(measured.position, measured.covariance);
+  if (!near) return std::numeric_limits<double>::infinity();
+  const double left = near->nearest().bound() - clearance->margin();
+  return std::max(kAlwaysSafe, 0.5 * left / tuning->loop.dead_time());
+}
+
 }  // namespace
 
 const char* to_string(ControlLaw law) {
@@ -320,8 +337,11 @@ void ServoController::steer(ControlStep& step, double now,
   if (mode != ControlMode::follow) {  // released: only levitation and trim
     pd_.reset();
     velocity_.reset();
+    still_.reset();
+    pushed_.setZero();
   } else if (settings_.law == ControlLaw::pd) {
-    const Eigen::Vector3d velocity = pd_.update(measured.time, measured.position, reference);
+    const Eigen::Vector3d velocity = pd_.update(measured.time, measured.position, reference,
+                                                safe_speed(clearance_, tuning_, measured));
     step.correction = velocity - reference.velocity;
     force = drag_at(measured.position) * velocity;
   } else {
@@ -333,13 +353,34 @@ void ServoController::steer(ControlStep& step, double now,
     const auto ahead = estimator_->at(now + std::max(0.0, tuning_->horizon + late));
     const Eigen::Matrix3d drag = drag_at(measured.position);
     const Eigen::Vector3d velocity = drag.inverse() * (trim_ + force);
-    if (ahead) force = drag * kept_out(clearance_, tuning_->loop, step, *ahead, velocity) - trim_;
+    if (ahead) {
+      // What the filter believes of an unstable loop is wild: no command becomes faster by it than
+      // what is asked for, or than the way back takes.
+      Eigen::Vector3d kept = kept_out(clearance_, tuning_->loop, step, *ahead, velocity);
+      const double fastest = std::max(velocity.norm(), kAlwaysSafe);
+      if (step.kept_out && kept.norm() > fastest) kept *= fastest / kept.norm();
+      force = drag * kept - trim_;
+    }
   }
   const Eigen::Vector3d made = allocate(step, measured.position, trim_ + force);
   if (estimator_) estimator_->command(now, mobility_ * made);
   // Anti-windup: the integral goes on from the force that the limits left.
-  if (mode == ControlMode::follow && settings_.law == ControlLaw::velocity)
-    velocity_.limited_to(made - trim_);
+  if (mode != ControlMode::follow || settings_.law != ControlLaw::velocity) return;
+  velocity_.limited_to(made - trim_);
+  step.standing = stands(measured, made - trim_);
+}
+
+/// A force f displaces a robot by f / (6 pi G' r) in a gel before it yields, so what it does not
+/// move as it changes is held, or is not what is seen. The vitreous of a living eye is the stiffest
+/// gel that is meant; one of twice its modulus still moves the robot by more than the noise.
+bool ServoController::stands(const control::PositionMeasurement& measured,
+                             const Eigen::Vector3d& force) {
+  constexpr double kModulus = 14;  // Pa
+  const double stiffness = 6 * M_PI * kModulus * model_.robot.semi_radius;
+  still_.add(measured.time, measured.position, std::sqrt(measured.covariance.trace() / 3),
+             (force - pushed_) / stiffness);
+  pushed_ = force;
+  return still_.stands();
 }
 
 /// The free drag multiplied by Faxen's wall factors (facts/magnetics 3.1), each wall as a plane
@@ -396,6 +437,8 @@ void ServoController::view_moved(const Eigen::Vector3d& by) {
 void ServoController::reset() {
   pd_.reset();
   velocity_.reset();
+  still_.reset();
+  pushed_.setZero();
   estimator_.reset();
   innovations_.reset();
   watch_.reset();

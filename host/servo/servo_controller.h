@@ -8,6 +8,7 @@
 #include "control/loop_margins.h"
 #include "control/pd.h"
 #include "control/servo_law.h"
+#include "control/standstill.h"
 #include "control/velocity_control.h"
 #include "host/rig/rig.h"
 #include "host/servo/controller_settings.h"
@@ -37,6 +38,9 @@ struct ControlStep {
   // The filter: gain or delay met its bound; its innovations have long been larger than it says.
   bool at_bound = false;
   bool inconsistent = false;
+  // Law velocity: its force has changed by what moves a robot in any gel, and this one is seen in
+  // one place.
+  bool standing = false;
   // m/s, law estimator: the believed velocity of the currents, after the limits, beyond levitation.
   Eigen::Vector3d commanded{0, 0, 0};
   LoopQuality quality;
@@ -95,6 +99,7 @@ class ServoController {
 
  private:
   static constexpr double kInnovationMemory = 10;  // s
+  static constexpr double kToldInGel = 0.1e-3;     // m, by which a force would move it
   void watch(const control::PositionMeasurement& measured, const ReferencePath& path,
              ControlMode mode);
   void watch_command(const ControlStep& step, double now, const Eigen::Matrix3d& mobility,
@@ -106,6 +111,7 @@ class ServoController {
   void steer(ControlStep& step, double now, const control::PositionMeasurement& measured,
              const ReferencePath& path, ControlMode mode);
   void plan(const control::PositionEstimate& ahead, double reference_speed);
+  bool stands(const control::PositionMeasurement& measured, const Eigen::Vector3d& force);
   Eigen::Vector3d allocate(ControlStep& step, const Eigen::Vector3d& position,
                            const Eigen::Vector3d& force);
 
@@ -118,6 +124,8 @@ class ServoController {
   Eigen::Vector3d trim_position_{0, 0, 0};
   control::PdController pd_;
   control::VelocityController velocity_;
+  control::Standstill still_{kToldInGel};  // of the law velocity
+  Eigen::Vector3d pushed_{0, 0, 0};        // N, by it in the last step
   const RobotClearance* clearance_ = nullptr;
   std::optional<control::ServoTuning> tuning_;
   std::optional<control::PositionEstimator> estimator_;

@@ -193,7 +193,7 @@ void Servo::Loop::watch_plant(const Frame& frame, double now, const Observation&
     let_the_robot_go(
         "the robot is told to go and stands where it is seen: it is held, or the view is old");
   };
-  if (rotating && rotating->state().standing) stands();
+  if ((rotating && rotating->state().standing) || step.standing) stands();
   if (settings.law != ControlLaw::pd && settings.law != ControlLaw::estimator) return;
   // What a filter takes for a leap is what a coil that fails looks like, and is heard too.
   // What the model lacks at constant currents says nothing of it at those that follow.
@@ -261,6 +261,13 @@ void Servo::Loop::watch_walls(const Frame& frame, const control::Reference& targ
     recorder.alarm(clock.now(), "keep-out margin", AlarmPriority::high,
                    "the robot's surface is " + clearance_text(near) + ": raise it");
   was_inside = verdict.inside;
+  if (verdict.inside && step.quality.oscillating)
+    return let_the_robot_go("it oscillates, by " + format_quantity(step.quality.amplitude, "m") +
+                            ", into the keep-out margin: its law does not suit medium or robot");
+  if (verdict.lying && mode != Mode::released)
+    return let_the_robot_go("it has long touched the " +
+                            std::string(near.at_lens() ? "lens" : "retina") +
+                            ", and its loop does not bring it away");
   if (!verdict.pressed) return;
   recorder.alarm(clock.now(), "pushed against a wall", AlarmPriority::high,
                  "the robot does not come nearer to a wall, though it is told to: it is taken to "

@@ -27,6 +27,7 @@ class WallWatch {
   struct Verdict {
     bool inside = false;   // of the margin, for longer than a disturbance that is corrected takes
     bool pressed = false;  // it is told to come nearer to the nearest wall, and does not
+    bool lying = false;    // it has touched a wall, as far as is known, for long
   };
   Verdict see(const WallSight& sight);
   void forget();  // a new goal
@@ -34,6 +35,9 @@ class WallWatch {
   // Of `inside`: the margin's hysteresis, m, and s.
   static constexpr double kHysteresis = 50e-6;
   static constexpr double kBriefly = 0.5;
+  // Of `lying`: m, and s. What lifts a robot off a wall takes a second or two.
+  static constexpr double kTouches = 20e-6;
+  static constexpr double kLies = 5;
   // Of `pressed`: nearer to a wall than, m; the error left towards it, m; moved less than, m; all
   // of it within, s. A loop that lags, or droops by less, is no push.
   static constexpr double kNear = 1e-3;
@@ -49,6 +53,7 @@ class WallWatch {
   double margin_;
   bool inside_ = false;
   double outside_at_ = -1e9;  // s, when it was last outside of the margin
+  double off_at_ = -1e9;      // s, when it last touched no wall
   bool seen_ = false;
   std::deque<Moment> pushing_;  // while it is told to come nearer
   bool lens_ = false;           // of that wall

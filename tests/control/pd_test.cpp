@@ -32,6 +32,21 @@ TEST(PdController, asks_for_a_speed_in_proportion_to_the_error_up_to_the_limit) 
   EXPECT_NEAR(far.x() / far.z(), 0.75, 1e-12);  // the direction is kept
 }
 
+TEST(PdController, a_limit_of_the_moment_counts_where_it_is_below_its_own_and_holds_the_sum_too) {
+  PdGains gains;
+  gains.proportional = 0;
+  gains.derivative = 0;
+  gains.integral = 1;
+  PdController control(gains);
+  const Reference away{{1e-3, 0, 0}, kZero};
+  control.update(0, kZero, away);
+  EXPECT_NEAR(control.update(1, kZero, away, 1).x(), 1e-3, 1e-15) << "the own one is lower";
+  EXPECT_NEAR(control.update(2, kZero, away, 0.5e-3).x(), 0.5e-3, 1e-15);
+  EXPECT_NEAR(control.update(2.5, kZero, away).x(), 1.5e-3, 1e-15) << "from the 1 mm/s on";
+  EXPECT_THROW(control.update(3, kZero, away, 0), std::invalid_argument);
+  EXPECT_THROW(control.update(3, kZero, away, std::nan("")), std::invalid_argument);
+}
+
 TEST(PdController, damps_by_the_measured_velocity_that_it_smooths) {
   PdGains gains;
   gains.proportional = 0;

@@ -107,6 +107,35 @@ TEST(ServoSupervised, ARobotThatStandsOffUntilItIsTrimmedIsTrimmedWhereItRests) 
   EXPECT_EQ(nlohmann::json::parse(spoken.out)["results"]["points_reached"], 1) << spoken.err;
 }
 
+// Both cameras see one robot: which of them was turned is not known, and neither is followed.
+TEST(TwoCameras, ThatSeeTheRobotInDifferentPlacesAreNotBelieved) {
+  const Workplace place;
+  place.write("both.lua",
+              "return { title = 'x', needs = { 'coils', 'sample' }, run = function(rig, p, run)\n"
+              "  local servo <close> = rig:servo { feedback = 'two_cameras',\n"
+              "    background = rig:learn_background { frames = 15 } }\n"
+              "  servo:hold(vector(1.5e-3, 0, 1e-3))\n"
+              "  rig.sample:insert_robot(vector(1.5e-3, 0, 1e-3))\n"
+              "  servo:wait_until_tracked { timeout = 10 }\n"
+              "  run:wait(8 - run:now())\n"
+              "  run:result('before', servo:status().state == 'holding' and 1 or 0)\n"
+              "  run:wait(3)\n"
+              "  run:result('lost', servo:status().state == 'lost' and 1 or 0)\n"
+              "end }");
+  const std::string turned = " --fault side_camera:turned:after=8.2s,by=";
+  const Spoken straight = place.vitreo("run both.lua --json");
+  ASSERT_EQ(straight.exit_code, 0) << straight.err;
+  EXPECT_EQ(nlohmann::json::parse(straight.out)["results"]["lost"], 0) << straight.err;
+  for (const char* by : {"-50deg", "30deg"}) {
+    const Spoken spoken = place.vitreo("run both.lua --json" + turned + by);
+    const auto results = nlohmann::json::parse(spoken.out)["results"];
+    EXPECT_EQ(results["before"], 1) << spoken.err;
+    EXPECT_EQ(results["lost"], 1) << spoken.err;
+    EXPECT_NE(spoken.err.find("both cameras see the robot in different places"), std::string::npos)
+        << spoken.err;
+  }
+}
+
 // Power of a cornea's front, (n - 1) / R, along the two directions of its surface.
 TEST(Simulation, AnEyeOfAnotherBuildStandsInTheBelievedOnesCavity) {
   const Workplace place;

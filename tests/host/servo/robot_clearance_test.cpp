@@ -303,5 +303,24 @@ TEST_F(WallWatchTest, OneThatMovesOrIsThereOrIsFarFromEveryWallIsNot) {
     EXPECT_FALSE(watch.see(sight(k / 15.0, 4e-3, 3e-3)).pressed) << "in the middle of the eye";
 }
 
+// A loop that lifts a robot off a wall does so in a second or two.
+TEST_F(WallWatchTest, ARobotThatHasTouchedAWallForFiveSecondsLies) {
+  const double touching = 0.5e-3;  // m: its center, lying
+  const auto lies = [&](double from, double to) {
+    bool lying = false;
+    for (double time = from; time < to; time += 1 / 15.0)
+      lying = lying || watch.see(sight(time, touching, 2e-3)).lying;
+    return lying;
+  };
+  const double distance = sight(0, touching, 2e-3).clearance.nearest().distance;
+  ASSERT_LT(std::abs(distance), WallWatch::kTouches);
+  EXPECT_FALSE(lies(0, 4.9));
+  EXPECT_FALSE(watch.see(sight(4.95, touching + 30e-6, 2e-3)).lying) << "it came off";
+  EXPECT_FALSE(lies(5, 9.8));
+  EXPECT_TRUE(lies(9.8, 10.2));
+  watch.forget();
+  EXPECT_FALSE(watch.see(sight(10.3, touching, 2e-3)).lying) << "a new goal";
+}
+
 }  // namespace VITREO_TEST_FILE
 }  // namespace vitreo

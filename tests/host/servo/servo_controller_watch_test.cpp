@@ -4,6 +4,7 @@
 #include "control/command_history.h"
 #include "control/innovation_statistics.h"
 #include "control/robots.h"
+#include "control/stability.h"
 #include "host/servo/robot_clearance.h"
 #include "host/servo/servo_controller.h"
 #include "optics/system/prescriptions.h"
@@ -406,6 +407,94 @@ TEST(ServoControllerWatch, TowardsAWallItGoesAsFastAsTheRigsMarginLeavesIt) {
                 : 0;
   }
   EXPECT_GT(kept, 10);
+}
+
+// Thesis 7.3: the force of velocity control rises until the medium yields. A gel gives way to a
+// force before it yields, an old place does not.
+TEST(ServoControllerWatch, ARobotThatNoForceMovesInAGelIsHeldOrNotWhatIsSeen) {
+  const RigModel model = watched_model();
+  const double radius = model.robot.semi_radius;
+  const auto stood_at = [&](double modulus) {  // s; 0: never. Pa, 0: whatever the force
+    ServoController controller(model, watched_settings(ControlLaw::velocity));
+    Vector3d place(0, 0, 0);
+    for (int k = 0; k < 600; ++k) {
+      const double time = 0.05 * k;
+      const Vector3d noise = 4e-6 * Vector3d(std::sin(37.0 * k), std::sin(53.0 * k), 0);
+      const ControlStep step = controller.step(time + 0.08, seen_at(time, place + noise),
+                                               staying_at({1e-3, 0, 0}), ControlMode::follow);
+      if (step.standing) return time;
+      if (modulus == 0) continue;
+      Vector3d force =
+          control::force_at(model.field, model.robot, model.medium, step.currents, place);
+      force.z() = 0;
+      place = force / (6 * M_PI * modulus * radius);
+    }
+    return 0.0;
+  };
+  const double old_place = stood_at(0);
+  EXPECT_GT(old_place, 2) << "s";
+  EXPECT_LT(old_place, 10) << "s";
+  EXPECT_EQ(stood_at(2.8), 0) << "porcine vitreous an hour out of the eye";
+  EXPECT_EQ(stood_at(14), 0) << "and in it";
+  EXPECT_EQ(stood_at(28), 0);
+}
+
+// The robot of a law without prediction is thrown as far as its speed takes it in a dead time.
+TEST(ServoControllerWatch, APdGoesNoFasterThanTheEyeIsWide) {
+  RigModel model = watched_model();
+  model.eye = optics::model_eye_5_3();
+  model.eye_in_world = {0, 0, -5e-3};
+  const RobotClearance clearance(model, {Vector3d::UnitX(), 0, false, false});
+  const Vector3d middle = model.eye_in_world + Vector3d(0, 0, model.eye.vertex(2) / 2);
+  Vector3d low = middle;
+  while (clearance.at(low)->retina.distance > clearance.margin() + 0.1e-3) low.z() -= 0.05e-3;
+  ControllerSettings settings = watched_settings(ControlLaw::pd);
+  settings.gains.max_speed = 0.1;
+  settings.gains.proportional = 100;
+  const auto asked = [&](const Vector3d& place, bool keeps) {
+    ServoController controller(model, settings);
+    if (keeps) controller.keep_out(&clearance);
+    const control::PositionMeasurement seen = seen_at(5, place);
+    return controller
+        .step(5.08, seen, staying_at(place + Vector3d(0, 0, 1e-3)), ControlMode::follow)
+        .correction.norm();
+  };
+  ServoController known(model, settings);
+  known.keep_out(&clearance);
+  known.step(5.08, seen_at(5, middle), staying_at(middle), ControlMode::follow);
+  const auto near = clearance.at(middle, seen_at(5, middle).covariance);
+  const double left = near->nearest().bound() - clearance.margin();
+  ASSERT_GT(left, 3e-3);
+  EXPECT_NEAR(asked(middle, true), 0.5 * left / known.tuning()->loop.dead_time(), 1e-6);
+  EXPECT_NEAR(asked(low, true), 2e-3, 1e-9) << "m/s, which bring it away from the wall";
+  EXPECT_NEAR(asked(middle, false), 0.1, 1e-9);
+}
+
+// Of a loop that has become unstable the filter, by which the margin is kept, believes anything.
+TEST(ServoControllerWatch, TheMarginMakesNoCommandFasterThanWhatIsAskedFor) {
+  RigModel model = watched_model();
+  model.eye = optics::model_eye_5_3();
+  model.eye_in_world = {0, 0, -5e-3};
+  const RobotClearance clearance(model, {Vector3d::UnitX(), 0, false, false});
+  Vector3d low = model.eye_in_world + Vector3d(0, 0, model.eye.vertex(2) / 2);
+  while (clearance.at(low)->retina.distance > clearance.margin() + 0.5e-3) low.z() -= 0.05e-3;
+  ServoController controller(model, watched_settings(ControlLaw::pd));
+  controller.keep_out(&clearance);
+  int kept = 0;
+  for (int k = 0; k < 60; ++k) {
+    const double time = 5 + 0.05 * k;
+    const Vector3d thrown = low + Vector3d(0, 0, 1.5e-3 + 1.5e-3 * std::sin(15 * time));
+    const ControlStep step =
+        controller.step(time + 0.08, seen_at(time, thrown), staying_at(low), ControlMode::follow);
+    if (!step.kept_out || step.limited) continue;
+    const Vector3d force =
+        control::force_at(model.field, model.robot, model.medium, step.currents, thrown);
+    const Vector3d goes = controller.drag_at(thrown).inverse() * force;
+    // m/s: the law's limit and its floor are 2 mm/s; it is held up beside that.
+    EXPECT_LT(goes.norm(), 2.1e-3) << k;
+    ++kept;
+  }
+  EXPECT_GT(kept, 5);
 }
 
 // What the filter's gate refused says nothing of the coils.

@@ -48,5 +48,17 @@ TEST(WhatStays, TwoCamerasAreNotDrawnOffByARobotOfAnotherSize) {
   EXPECT_LT(std::sqrt(both.noise()(2, 2)), 4 * kUm);
 }
 
+TEST(WhatStays, HowFarApartBothCamerasSeeItCountsAllThatIsUnknownOfEither) {
+  Observation near = seen_from_above(), far = seen_from_above();
+  EXPECT_EQ(near.apart, 0) << "alone";
+  join_side(near, seen_from_the_side());
+  EXPECT_NEAR(near.apart, 1, 0.01) << "150 um in depth, which its size leaves open";
+  SideObservation aside = seen_from_the_side();
+  aside.position.x() = 150 * kUm;
+  join_side(far, aside);
+  // Across the line of sight: 4 um of one, 3 and 10 of the other.
+  EXPECT_NEAR(far.apart, std::hypot(1, 150 / std::sqrt(4 * 4 + 3 * 3 + 10 * 10)), 0.05);
+}
+
 }  // namespace VITREO_TEST_FILE
 }  // namespace vitreo
