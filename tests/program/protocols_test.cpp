@@ -243,8 +243,21 @@ TEST(GelStep, ThePidTunedInOilLimitCyclesInVitreousAndVelocityControlDoesNotOver
               "pose_sensor = {}, truth = { coil_delay = 0.04 } }");  // and 10 ms of USB frames
   const auto oil = results_of(place, "gel_step watch=40s --rig oil.lua");
   EXPECT_LT(oil["pid_reversals"].get<double>(), 0.25 * gel["pid_reversals"].get<double>());
-  EXPECT_LT(oil["pid_overshoot"].get<double>(), 0.2 * gel["pid_overshoot"].get<double>());
+  // In gel the speed that the eye allows bounds the cycle, and not the medium.
+  EXPECT_LT(oil["pid_overshoot"].get<double>(), 0.6 * gel["pid_overshoot"].get<double>());
   EXPECT_NEAR(oil["pid_last"].get<double>(), 1, 0.05);
+}
+
+// Machines on which that PID threw the robot from retina to lens at 100 mm/s, for 90 s: found by
+// vitreo soak, seeds 4 to 36.
+TEST(GelStep, AnUnstableLoopKeepsTheRobotOffTheWalls) {
+  const Workplace place;
+  for (const char* seed : {"562723", "50523", "457631", "648878", "212518", "421141", "547202"}) {
+    const Spoken spoken = place.vitreo(std::string("run gel_step watch=30s --seed ") + seed);
+    EXPECT_EQ(spoken.exit_code, 0) << seed << spoken.err;
+    EXPECT_EQ(spoken.err.find("keep-out margin:"), std::string::npos) << seed << spoken.err;
+    EXPECT_EQ(spoken.err.find("robot lost"), std::string::npos) << seed << spoken.err;
+  }
 }
 
 TEST(Views, APlainViewFromAboveServesTwoCamerasAndNotOneAlone) {
