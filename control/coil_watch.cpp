@@ -177,8 +177,9 @@ CoilWatch::Finding CoilWatch::suspect_of(const Hypothesis& one, Eigen::Index err
   // With N = L L' they are A - |L^-1 C'|^2 and b - (L^-1 C')' L^-1 n.
   const Eigen::LLT<Eigen::Ref<ErrorSquare>> off(known);
   const Eigen::Index both = 2 * coils_;
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxErrors, 2 * kMaxCoils + 1> white(
-      errors, both + 1);
+  constexpr int kMost = 2 * kMaxCoils + 1;  // columns
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxErrors, kMost> white(errors,
+                                                                                    both + 1);
   white.leftCols(both) = sums.crossed.leftCols(errors).transpose();
   white.col(both) = explained;
   off.matrixL().solveInPlace(white);

@@ -51,10 +51,17 @@ NUMERIC = {
     'control/estimator.cpp': (0.95, 'control_tests', 45, 'PositionEstimator*:CommandHistory*', 'ServoLaw*:Loop*'),
     'control/trajectory.cpp': (0.9, 'control_tests', 45, 'Trajectory*', 'Velocity*:Robots*'),
     'control/multipole_field.cpp': (0.9, 'control_tests', 45, 'MultipoleField*:FieldModel*', 'FitMultipoles*:Field*'),
+    'control/motion_watch.cpp': (0.9, 'control_tests', 45, 'MotionWatch*'),
+    'control/standstill.cpp': (0.9, 'control_tests', 45, 'Standstill*'),
+    'control/coil_watch.cpp': (0.9, 'control_tests', 45, 'CoilWatch*'),
+    'control/coil_lack.cpp': (0.9, 'control_tests', 45, 'LostForce*:MostProbableLack*', 'CoilWatch*'),
     'devices/instruments/usb3103/driver.cpp': (0.95, 'devices_tests', 45, 'Usb3103Driver*:Usb3103Settings*', 'Usb3103*'),
     'host/text/units.cpp': (0.9, 'host_tests', 45, 'Units*', 'Config.*'),
     'host/record/record_writer.cpp': (0.95, 'host_tests', 45, 'RecordWriter*:RecordFrames*', 'Recorder*:RunReader*:PowerCut*'),
     'host/servo/servo_controller.cpp': (0.95, 'host_tests', 45, 'ServoController*', 'FieldAllocator*:Servo.*'),
+    'host/servo/plant_watch.cpp': (0.9, 'host_tests', 45, 'PlantWatch*', 'PlantFault*'),
+    'host/servo/plant_fault.cpp': (0.9, 'host_tests', 45, 'PlantFault*', 'PlantWatch*'),
+    'host/servo/wall_watch.cpp': (0.9, 'host_tests', 45, 'WallWatch*', 'Servo.*'),
 }
 
 
