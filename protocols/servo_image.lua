@@ -104,6 +104,7 @@ end
 return {
   title = "Image-based servoing",
   needs = { "top_camera", "coils", "sample" },
+  rig = "unknown_eye",
   parameters = {
     places = { default = 4, min = 1, max = 4, integer = true, help = "that are taught and found again" },
     time = { unit = "s", default = 25 * s, min = 2 * s, max = 300 * s, help = "for the way back to each" },
