@@ -256,7 +256,7 @@ CoilWatch::Finding CoilWatch::most_suspect() const {
   }
   Finding most;
   for (const auto& [hypothesis, by_gains] : suspects) {
-    if (by_gains.evidence <= most.evidence) break;
+    if (by_gains.evidence < most.evidence) break;
     const Finding found = by_gains.evidence < kAsked ? by_gains : with_turns(hypothesis, by_gains);
     if (found.evidence > most.evidence) most = found;
   }

@@ -59,6 +59,15 @@ double correlation(const std::vector<double>& values, std::size_t lag) {
   return power > 0 ? product / power : 0;
 }
 
+/// Where the correlation is largest, one turn about `lag` and at most at `most`: half of an odd
+/// period is no whole number of turns.
+std::size_t period_near(const std::vector<double>& values, std::size_t lag, std::size_t most) {
+  std::size_t best = lag;
+  for (const std::size_t other : {lag - 1, std::min(lag + 1, most)})
+    if (correlation(values, other) > correlation(values, best)) best = other;
+  return best;
+}
+
 /// Whether each of the newest three periods has its part of the oscillation. A swing at a goal's
 /// begin, or what rings out after it, is in one of them; seen over the whole window it has the
 /// autocorrelation of a cycle all the same.
@@ -75,7 +84,8 @@ bool lasts(const std::vector<double>& values, std::size_t period, double power) 
   return true;
 }
 
-/// rad/s: of the axis, the largest mean over kTurnSpan that ends within them.
+/// rad/s: of the axis, the largest mean over kTurnSpan that ends within them, and the interval in
+/// which the span begins: as kPerTurning was measured.
 template <class Iterator>
 double fastest_turn(Iterator begin, Iterator end) {
   double most = 0;
@@ -111,7 +121,8 @@ double sound_error(Iterator begin, Iterator end, double turning) {
 }  // namespace
 
 void MotionWatch::add(const WatchedMotion& now) {
-  if (!lately_.empty() && now.time <= lately_.back().time) reset();
+  if (!lately_.empty() && now.time == lately_.back().time) return;
+  if (!lately_.empty() && now.time < lately_.back().time) reset();
   lately_.push_back(now);
   while (lately_.front().time < now.time - kMemory - kAfterTurn) lately_.pop_front();
   if (now.time < looked_ + kEvery) return;
@@ -191,11 +202,12 @@ bool MotionWatch::oscillates(int axis, std::size_t count, double sound) {
       static_cast<double>(count - 1);
   // The first trough of the autocorrelation is half a period away. What returns at the whole period
   // is a cycle; a single swing or a drift that turned round has the trough alone.
-  for (std::size_t half = 2; 2 * half * kPeriods <= values.size(); ++half) {
+  for (std::size_t half = 1; 2 * half * kPeriods <= values.size(); ++half) {
     const double here = correlation(values, half);
     if (here > kHalf || here > correlation(values, half + 1)) continue;  // not yet the trough
-    if (correlation(values, 2 * half) < kWhole || !lasts(values, 2 * half, power)) return false;
-    period_ = 2 * static_cast<double>(half) * span;
+    const std::size_t whole = period_near(values, 2 * half, values.size() / kPeriods);
+    if (correlation(values, whole) < kWhole || !lasts(values, whole, power)) return false;
+    period_ = static_cast<double>(whole) * span;
     amplitude_ = std::sqrt(2 * power);
     return true;
   }

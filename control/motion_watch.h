@@ -30,7 +30,7 @@ struct WatchedMotion {
 /// The last ten seconds, looked at every half second; of the axis' turns five more.
 class MotionWatch {
  public:
-  /// Times that run backwards begin anew.
+  /// A time twice is one, times that run backwards begin anew.
   void add(const WatchedMotion& now);
   /// In some coordinate the error's autocorrelation over the last three seconds and more is below
   /// -0.5 at half a period and above 0.4 at a whole one, each of the newest three periods has its

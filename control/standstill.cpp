@@ -17,7 +17,8 @@ constexpr double kPlace = 5e-6;  // m
 
 void Standstill::add(double time, const Eigen::Vector3d& place, double sigma,
                      const Eigen::Vector3d& told) {
-  if (!lately_.empty() && time <= lately_.back().time) reset();
+  if (!lately_.empty() && time == lately_.back().time) return;
+  if (!lately_.empty() && time < lately_.back().time) reset();
   const Eigen::Vector3d before =
       lately_.empty() ? Eigen::Vector3d::Zero() : Eigen::Vector3d(lately_.back().told + told);
   lately_.push_back({time, place, sigma, before});

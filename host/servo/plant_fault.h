@@ -38,7 +38,7 @@ struct LeftOver {
   Eigen::Vector3d left;
 };
 
-/// The amplifiers or the coil, failing since the window's begin or any later place of it, that
+/// The amplifiers or the coil, failing since any place of the window or halfway between two, that
 /// leaves least of what is left over, in words; beside it the coil that explains nearly as much.
 /// `sigma`: m, of a place; what is left over is beyond it. Empty: nothing explains enough.
 std::string plant_fault(const std::vector<LeftOver>& path, double sigma);

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include <deque>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,7 +44,7 @@ class PlantWatch {
   const std::string& fault() const { return fault_; }
   /// The robot was told to go and its measured position stood: held fast, or an old picture.
   bool standing() const { return standing_; }
-  /// m/s: what is left over, of the window that says most, over what is let pass. For figures.
+  /// What is left over, of the window that says most, over what is let pass. For figures.
   double excess() const { return excess_; }
   /// The robot was found at `time` (s), for the first time or again: it turns into the field, and
   /// its first outlines are of another attitude.

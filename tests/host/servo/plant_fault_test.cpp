@@ -4,10 +4,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/plant_fault.h"
 
+#include "control/robots.h"
 #include "control/stability.h"
 #include "host/rig/rig.h"
 #include "host/servo/field_allocator.h"
 
+#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
 #include <random>
