@@ -49,6 +49,8 @@ local function follow_up(x, times, step, begin)
       reversals, direction, turned_at = reversals + 1, -direction, value
     end
   end
+  -- One that passes through at the end has not arrived.
+  if arrived and times[#times] - begin - arrived < 2 * s then arrived = nil end
   return { overshoot = math.max(0, highest - 1), reversals = reversals, arrived = arrived, last = x[#x] / step }
 end
 
