@@ -261,9 +261,6 @@ void Servo::Loop::watch_walls(const Frame& frame, const control::Reference& targ
     recorder.alarm(clock.now(), "keep-out margin", AlarmPriority::high,
                    "the robot's surface is " + clearance_text(near) + ": raise it");
   was_inside = verdict.inside;
-  if (verdict.inside && step.quality.oscillating)
-    return let_the_robot_go("it oscillates, by " + format_quantity(step.quality.amplitude, "m") +
-                            ", into the keep-out margin: its law does not suit medium or robot");
   if (verdict.lying && mode != Mode::released)
     return let_the_robot_go("it has long touched the " +
                             std::string(near.at_lens() ? "lens" : "retina") +

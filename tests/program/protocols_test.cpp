@@ -260,6 +260,14 @@ TEST(GelStep, AnUnstableLoopKeepsTheRobotOffTheWalls) {
   }
 }
 
+// Under velocity control, which has no plant watch.
+TEST(GelStep, ARobotThatLiesOnTheRetinaAndIsNotBroughtAwayIsLetGo) {
+  const Workplace place;
+  const Spoken spoken =
+      place.vitreo("run gel_step --seed 1125 --fault coils:reversed:channel=8,after=2.3s");
+  EXPECT_NE(spoken.err.find("it has long touched the retina"), std::string::npos) << spoken.err;
+}
+
 TEST(Views, APlainViewFromAboveServesTwoCamerasAndNotOneAlone) {
   const Workplace place;
   place.write("rig.lua",
