@@ -313,7 +313,11 @@ void Localizer::localize(Observation& observation) {
     observation.by_outline = found.has_value();
     if (!found) found = with_axis(*tilted_, *observation.ellipse, start);
   } else if (found && astray(found->residual_px)) {
+    // What misfits the axis that is taken goes on counting: an axis that is free explains a vessel
+    // as well.
+    const double misfit = found->residual_px;
     found = with_axis(*astray_, *observation.ellipse, found->position_in_eye);
+    if (found) found->residual_px = misfit;
   }
   // A residual may have a minimum far outside, where no robot can be: of 1e6 m, for one outline cut
   // by the image's edge.

@@ -21,7 +21,7 @@ namespace {
 constexpr double kLargestResidual_px = 1.5;
 
 /// Standard deviations between both cameras' places. Healthy drawn benches stay below 2.4 and reach
-/// 6 for single frames of a fast robot (docs/safety.md).
+/// 6 for single frames of a fast robot (docs/reliability.md).
 constexpr double kApart = 8;
 
 /// m/s, standard deviation: what moves the robot beyond the model, 0.1 to 0.3 mm/s on the simulated

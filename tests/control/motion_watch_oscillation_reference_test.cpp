@@ -1,37 +1,22 @@
 // MotionWatch's oscillations against its header's words: errors that are made of known parts.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/motion_watch.h"
+#include "tests/control/watched_motion.h"
 
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
 #include <random>
 
 namespace vitreo::control {
 namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
-using Make = std::function<void(WatchedMotion&)>;
-
-constexpr double kTurn = 1 / 16.0;  // s, exact in binary: so are the windows' edges
 constexpr double kPi = 3.14159265358979323846;
 
 double from_to(std::mt19937& random, double low, double high) {
   return low + (high - low) * (static_cast<double>(random()) / 4294967296.0);
-}
-
-/// What is said at the time, s, of motions that `make` makes of their times.
-MotionWatch watched(double until, const Make& make) {
-  MotionWatch watch;
-  for (int k = 0; k * kTurn <= until; ++k) {
-    WatchedMotion now;
-    now.time = k * kTurn;
-    make(now);
-    watch.add(now);
-  }
-  return watch;
 }
 
 double wave(double time, double period, double phase = 0.7) {
@@ -111,7 +96,7 @@ TEST(MotionWatch, ADriftAndATurnAroundAndNothingAreNoCycle) {
 }
 
 /// Whether a cycle of 0.75 s is named, of that rms, m, beside what `make` makes.
-bool named(double rms, const Make& make, double until = 10) {
+bool named(double rms, const MakeMotion& make, double until = 10) {
   return watched(until,
                  [&](WatchedMotion& now) {
                    now.error.y() = std::sqrt(2) * rms * wave(now.time, 0.75);
@@ -124,7 +109,7 @@ bool named(double rms, const Make& make, double until = 10) {
 // mean (rms), 0.2 mm times the fastest rate of the axis, rms all of them. A tenth on either side
 // is for windows that hold no whole number of periods.
 TEST(MotionWatch, ACycleIsLargerThanNoiseAndThanWhatTargetAndAxisStir) {
-  const auto limit = [](double rms, const Make& make) {
+  const auto limit = [](double rms, const MakeMotion& make) {
     return named(1.1 * rms, make) && !named(0.9 * rms, make);
   };
   EXPECT_TRUE(limit(60e-6, [](WatchedMotion& now) { now.sigma = 20e-6; }));
@@ -194,7 +179,7 @@ TEST(MotionWatch, TheAutocorrelationIsDeepAtHalfAPeriodAndHighAtAWhole) {
 }
 
 TEST(MotionWatch, AFastCycleIsNamedByThreeSecondsAndWhatWasBeforeAResetIsForgotten) {
-  const Make fast = [](WatchedMotion& now) { now.error.x() = 1e-4 * wave(now.time, 0.5); };
+  const MakeMotion fast = [](WatchedMotion& now) { now.error.x() = 1e-4 * wave(now.time, 0.5); };
   EXPECT_FALSE(watched(3 - kTurn, fast).oscillating());
   EXPECT_FALSE(watched(3 - kTurn, [&](WatchedMotion& now) {
                  fast(now);
@@ -214,7 +199,7 @@ TEST(MotionWatch, AFastCycleIsNamedByThreeSecondsAndWhatWasBeforeAResetIsForgott
 }
 
 TEST(MotionWatch, ACycleThatHasEndedIsNoMoreSaidAtTheNextLook) {
-  const Make ends = [](WatchedMotion& now) {
+  const MakeMotion ends = [](WatchedMotion& now) {
     now.error.x() = now.time < 6 ? 1e-4 * wave(now.time, 0.5) : 0;
   };
   EXPECT_TRUE(watched(6, ends).oscillating());

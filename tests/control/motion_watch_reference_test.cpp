@@ -2,6 +2,7 @@
 // history each time anew.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/motion_watch.h"
+#include "tests/control/watched_motion.h"
 
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
@@ -9,7 +10,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <functional>
 #include <optional>
 #include <random>
 #include <vector>
@@ -18,8 +18,6 @@ namespace vitreo::control {
 namespace VITREO_TEST_FILE {
 
 using Eigen::Vector3d;
-
-constexpr double kTurn = 1 / 16.0;  // s, exact in binary: so are the windows' edges
 
 enum class Answer { no, yes, unclear };
 
@@ -136,22 +134,8 @@ TEST(MotionWatch, StandsAndStaysAwayAsItsHeaderSaysOfTheWholeHistory) {
   }
 }
 
-using Make = std::function<void(WatchedMotion&)>;
-
-/// What is said at the time, s, of motions that `make` makes of their times.
-MotionWatch watched(double until, const Make& make) {
-  MotionWatch watch;
-  for (int k = 0; k * kTurn <= until; ++k) {
-    WatchedMotion now;
-    now.time = k * kTurn;
-    make(now);
-    watch.add(now);
-  }
-  return watch;
-}
-
 /// s, when it is first said, of looks up to 20 s; -1: never.
-double first_said(const Make& make, bool (MotionWatch::*said)() const) {
+double first_said(const MakeMotion& make, bool (MotionWatch::*said)() const) {
   for (double until = 0; until < 20; until += kTurn) {
     if ((watched(until, make).*said)()) return until;
   }
@@ -161,7 +145,7 @@ double first_said(const Make& make, bool (MotionWatch::*said)() const) {
 // Docs: 0.4 mm in 2 s and more, less than a fifth; from kCaught s after the begin.
 TEST(MotionWatch, ToldExactlySoFarItStandsAndAFifthOfTheWayIsGoing) {
   const auto stands = [](double told, const Vector3d& went, double when = 3.5) {
-    const Make make = [&](WatchedMotion& now) {
+    const MakeMotion make = [&](WatchedMotion& now) {
       now.wanted.x() = now.time == when ? told / kTurn : 0;
       now.position = (now.time > 3 ? 1 : 0) * went;
     };
@@ -176,13 +160,13 @@ TEST(MotionWatch, ToldExactlySoFarItStandsAndAFifthOfTheWayIsGoing) {
   EXPECT_TRUE(stands(5 * fifth, {0.999 * fifth, 0, 0}));
   EXPECT_TRUE(stands(5 * fifth, {-fifth, 0, 0})) << "it goes the other way";
   EXPECT_TRUE(stands(5 * fifth, {0, 9 * fifth, 0})) << "what carries it aside is no answer";
-  const Make told = [](WatchedMotion& now) { now.wanted = {0, 0.3e-3, -0.4e-3}; };
+  const MakeMotion told = [](WatchedMotion& now) { now.wanted = {0, 0.3e-3, -0.4e-3}; };
   EXPECT_EQ(first_said(told, &MotionWatch::standing), 2 + kCaught);
 }
 
 TEST(MotionWatch, StaysAwayBeyondTwoMillimetersAndForExactlyThreeSeconds) {
   const auto away = [](double first, double then, bool free = true) {
-    const Make make = [&](WatchedMotion& now) {
+    const MakeMotion make = [&](WatchedMotion& now) {
       now.error.y() = now.time == 0 ? first : then;
       now.free = free || now.time != 1;
     };
@@ -194,9 +178,11 @@ TEST(MotionWatch, StaysAwayBeyondTwoMillimetersAndForExactlyThreeSeconds) {
   EXPECT_TRUE(away(2.799e-3, 2.5e-3));
   EXPECT_FALSE(away(2.801e-3, 2.5e-3));
   EXPECT_FALSE(away(3e-3, 3e-3, false)) << "the medium yields in one turn";
-  const Make far = [](WatchedMotion& now) { now.error = {2e-3, -3e-3, 1e-3}; };
+  const MakeMotion far = [](WatchedMotion& now) { now.error = {2e-3, -3e-3, 1e-3}; };
   EXPECT_EQ(first_said(far, &MotionWatch::off_target), 3);
-  const Make leaves = [](WatchedMotion& now) { now.error.z() = now.time < 1.2 ? 1e-3 : 3e-3; };
+  const MakeMotion leaves = [](WatchedMotion& now) {
+    now.error.z() = now.time < 1.2 ? 1e-3 : 3e-3;
+  };
   EXPECT_EQ(first_said(leaves, &MotionWatch::off_target), 4.5) << "looked at every half second";
 }
 

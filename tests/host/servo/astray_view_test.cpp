@@ -74,5 +74,11 @@ TEST_F(AstrayView, OneThatDoesNotIsWhereItIsAndNotMillimetersAside) {
     }
 }
 
+// By that a loop tells a vessel or a speck from the robot, and a free axis would explain them.
+TEST_F(AstrayView, ItsMisfitToTheAxisThatIsTakenStaysInTheRecord) {
+  EXPECT_GT(seen({2.5e-3, 0.5e-3, -1e-3}, -25 * M_PI / 180).residual_px, 1);
+  EXPECT_LT(seen({2.5e-3, 0.5e-3, -1e-3}, 0).residual_px, 0.01);
+}
+
 }  // namespace VITREO_TEST_FILE
 }  // namespace vitreo
