@@ -95,8 +95,8 @@ struct StuckRun : testing::Test {
   WatchdogActions actions() {
     return {[this] { given_up_at = since(); }, [this] { return energized.load(); },
             [this](const std::string& why) {
-              tripped_at = since();
               tripped = why;
+              tripped_at = since();  // who sees this may read why
               energized = false;
             }};
   }

@@ -310,9 +310,11 @@ TEST(RecordWriterDiskReference, there_is_room_as_soon_as_the_writer_takes_the_qu
   RecordWriter writer(folder.path(), {}, limits);
   add_stream(writer, kStream);
   std::promise<void> second;
+  const std::shared_future<void> opened = second.get_future().share();
   std::atomic<bool> given{false};
   HeldDisk held(writer);
-  writer.post([&](RecordFile&) { second.get_future().wait(); }, false);  // the queue is full
+  // The queue is full. The job may still wake up when the promise is gone.
+  writer.post([opened](RecordFile&) { opened.wait(); }, false);
   std::thread producer([&] {
     give(writer, 0, 1);
     given = true;
