@@ -170,6 +170,7 @@ void ColorTracker::State::report(const cv::Mat& image, const Judged& look, Track
   believed_axes_px = axes_px;
   agreed = 0;
   other_waits = true;
+  ground.keep(image);
   state = TrackState::tracking;
   track.measured = calibrated(look);
   track.support = look.seen.support;
@@ -249,6 +250,7 @@ void ColorTracker::place(const Ellipse& at) {
   s.believed = at;
   s.believed_axes_px = s.axes_px;
   s.agreed = 0;
+  s.ground.forget();
   s.heading_odds = 0;
   s.last_center_worth = s.last_shape_worth = 1;
   s.state = TrackState::tracking;
@@ -301,11 +303,13 @@ Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   Track track;
   track.self_measured = s.settings.view.refine;
   s.work = 0;
+  s.ground.next();
   if (s.settings.adapt) s.light.next(s.model.light, image);
   track.light = s.light.gains();
   s.view.set_light(track.light);
   const bool followed = s.state == TrackState::tracking || s.state == TrackState::coasting;
-  bool found = (followed || s.agreed > 0) && s.near_expected(image, owned, track);
+  bool found = (followed || s.agreed > 0) && s.near_expected(image, owned, s.asked_near(), track);
+  if (!found && followed) found = s.near_expected_displaced(image, owned, track);
   // In a spot of light the object's own may be neither the one that was learnt nor the ground's.
   // Not in a frame that is searched as a whole anyway, unless the light jumped: its time is
   // bounded.

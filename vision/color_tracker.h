@@ -5,6 +5,7 @@
 
 #include "vision/ellipse.h"
 #include "vision/ground_ring.h"
+#include "vision/ground_thumbnail.h"
 #include "vision/light.h"
 #include "vision/object_model.h"
 #include "vision/object_view.h"
@@ -79,7 +80,8 @@ struct TrackMemory {
   /// LookWorth::center and shape of the last image that was measured.
   double last_center_worth = 1;
   double last_shape_worth = 1;
-  LightMemory light;  ///< against that of the training
+  LightMemory light;     ///< against that of the training
+  GroundHistory ground;  ///< of the images in which it was tracked
 };
 
 struct Track {

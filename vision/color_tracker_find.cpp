@@ -51,6 +51,7 @@ void ColorTracker::State::find(const cv::Mat& image, const Observation& seen) {
     axes_px *= std::exp(larger);
   last = e;
   unseen = 0;
+  ground.forget();
   found_px = e.center_px;
   heading_odds = 0;
   last_center_worth = last_shape_worth = 1;

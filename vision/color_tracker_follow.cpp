@@ -28,6 +28,10 @@ constexpr double kHeldAxes = 0.003;
 constexpr double kAlike = 0.7;
 // A center that is not known to this share of the short semi-axis is none.
 constexpr double kVaguest = 1.0 / 6;
+// Of a view that was displaced: what finding that out costs, in looks at the trained size, and what
+// is less than it takes to lose an object by.
+constexpr double kDisplacedWork = 2.0;
+constexpr double kLeastJump_px = 6;
 constexpr double kCenterSigma = 5.0;  // px, of the predicted center
 
 }  // namespace
@@ -67,13 +71,13 @@ void ColorTracker::State::follow(const Ellipse& e, double inliers) {
 // A measurement near `start` that passes the gates; gate, jump and prior widen with every frame
 // without one.
 bool ColorTracker::State::look_near(const cv::Mat& image, const Owned& owned, const Ellipse& start,
-                                    bool from_front, Judged& look) {
+                                    bool from_front, double inliers, Judged& look) {
   // px, by which the position is less certain.
   const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
   const EllipsePrior prior{start, kCenterSigma + more, kAxesSigma,
                            settings.view.angle_sigma + 0.03 * unseen};
   look.seen = observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
-  if (!good(look.seen, start, axes_px, settings.jump_px + more, settings.min_inliers)) return false;
+  if (!good(look.seen, start, axes_px, settings.jump_px + more, inliers)) return false;
   const Ellipse& e = look.seen.measured->ellipse;
   look.free_axes_px = {e.semi_major_px, e.semi_minor_px};
   look.worth = worth_of(look.seen);
@@ -132,33 +136,57 @@ bool ColorTracker::State::vague(const Judged& look) const {
   return std::sqrt(variance) > kVaguest * axes_px.y();
 }
 
+ColorTracker::State::Asked ColorTracker::State::asked_near() const {
+  return {settings.min_inliers, agreed > 0 ? settings.min_likeness_new : settings.min_likeness};
+}
+
 // One measurement at the prediction.
 // `track.expected` is set whether it is found or not, so that the operator sees where it is
 // searched.
-bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned, Track& track) {
+bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned,
+                                        const Asked& asked, Track& track) {
   const Ellipse start = expected();
   track.expected = start;
   if (!in_image(start)) return false;
-  const bool is_candidate = agreed > 0;
-  const double likeness = is_candidate ? settings.min_likeness_new : settings.min_likeness;
   // A vessel may have led the front astray: then the rim is searched at the prediction instead.
   for (const bool from_front : {true, false}) {
     if (!affords(look_work(axes_px))) break;
     Judged look;
-    if (!look_near(image, owned, start, from_front, look)) continue;
+    if (!look_near(image, owned, start, from_front, asked.inliers, look)) continue;
     track.likeness = look.worth.likeness;
-    if (track.likeness < likeness || vague(look)) continue;
+    if (track.likeness < asked.likeness || vague(look)) continue;
     weigh_with_last(look.worth);
     Ellipse followed = look.seen.measured->ellipse;
     followed.semi_major_px = look.free_axes_px.x();
     followed.semi_minor_px = look.free_axes_px.y();
     follow(followed, look.seen.measured->inlier_fraction);
-    if (is_candidate)
+    if (agreed > 0)
       confirm(image, look, track);
     else
       report(image, look, track);
     return true;
   }
+  return false;
+}
+
+// The view was displaced, and the object with it: looked at where the ground has taken it, and as
+// much is asked as of one found anew. What the ground does while the object is where it was, or
+// where nothing is seen, changes nothing.
+bool ColorTracker::State::near_expected_displaced(const cv::Mat& image, const Owned& owned,
+                                                  Track& track) {
+  if (!affords(kDisplacedWork + look_work(axes_px))) return false;
+  work += kDisplacedWork;
+  const auto jump = ground.jump_to(image);
+  if (!jump || jump->norm() < kLeastJump_px) return false;
+  const TrackMemory before = *this;
+  ground.forget();
+  last.center_px += *jump;
+  Track there = track;
+  if (near_expected(image, owned, {settings.min_inliers_new, settings.min_likeness_new}, there)) {
+    track = there;
+    return true;
+  }
+  static_cast<TrackMemory&>(*this) = before;
   return false;
 }
 
@@ -172,7 +200,7 @@ bool ColorTracker::State::near_expected_relit(const cv::Mat& image, const Owned&
   bool found = false;
   for (std::size_t k = 1; k < guesses.count && !found; ++k) {
     view.set_light(guesses.gains[k]);
-    found = near_expected(image, owned, track);
+    found = near_expected(image, owned, asked_near(), track);
     if (!found) continue;
     light.take(guesses.gains[k]);
     track.light = guesses.gains[k];

@@ -29,7 +29,14 @@ struct ColorTracker::State : TrackMemory {
         search({{0, 0}, model.semi_axes_px.x(), model.semi_axes_px.y(), 0}) {}
 
   Ellipse expected() const;
-  bool near_expected(const cv::Mat& image, const Owned& owned, Track& track);
+  // Least share of the rim and likeness of a look that is believed.
+  struct Asked {
+    double inliers;
+    double likeness;
+  };
+  Asked asked_near() const;
+  bool near_expected(const cv::Mat& image, const Owned& owned, const Asked& asked, Track& track);
+  bool near_expected_displaced(const cv::Mat& image, const Owned& owned, Track& track);
   bool near_expected_relit(const cv::Mat& image, const Owned& owned, Track& track);
   bool anywhere(const cv::Mat& image, const Owned& owned, Track& track);
   void search_in(const LogColor& gains, const Eigen::Vector2d& axes, double reserve,
@@ -53,7 +60,7 @@ struct ColorTracker::State : TrackMemory {
             double inliers) const;
   LookWorth worth_of(const Observation& seen) const;
   bool look_near(const cv::Mat& image, const Owned& owned, const Ellipse& start, bool from_front,
-                 Judged& look);
+                 double inliers, Judged& look);
   void hold_axes(const cv::Mat& image, const Owned& owned, const Ellipse& start, Judged& look);
   bool vague(const Judged& look) const;
   void weigh_with_last(LookWorth& worth);
