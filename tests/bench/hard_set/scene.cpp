@@ -34,18 +34,36 @@ Ellipse zoomed(Ellipse e, double zoom, const cv::Size& view) {
   return e;
 }
 
-// The share of an ellipse within the view, by samples of equal area (a sunflower's): a zoom takes
-// the robot out of it.
-double within(const cv::Size& view, const Ellipse& e) {
+// The share of an ellipse whose points `are`, by samples of equal area (a sunflower's).
+template <typename Are>
+double share_of(const Ellipse& e, const Are& are) {
   constexpr int kSamples = 300;
-  int in = 0;
+  int count = 0;
   for (int q = 0; q < kSamples; ++q) {
     const double r = std::sqrt((q + 0.5) / kSamples);
-    const Eigen::Vector2d p =
-        Ellipse{e.center_px, r * e.semi_major_px, r * e.semi_minor_px, e.angle}.point(2.399963 * q);
-    in += p.x() >= 0 && p.y() >= 0 && p.x() <= view.width - 1 && p.y() <= view.height - 1;
+    count += are(Ellipse{e.center_px, r * e.semi_major_px, r * e.semi_minor_px, e.angle}.point(
+        2.399963 * q));
   }
-  return in / double{kSamples};
+  return count / double{kSamples};
+}
+
+// Within the view: a zoom takes the robot out of it.
+double within(const cv::Size& view, const Ellipse& e) {
+  return share_of(e, [&](const Eigen::Vector2d& p) {
+    return p.x() >= 0 && p.y() >= 0 && p.x() <= view.width - 1 && p.y() <= view.height - 1;
+  });
+}
+
+// The share of an ellipse of which an image says anything: where all channels are saturated there
+// is nothing to see.
+double unsaturated(const cv::Mat& image, const Ellipse& e) {
+  constexpr int kSaturated = 250;
+  return share_of(e, [&](const Eigen::Vector2d& p) {
+    const cv::Point at(cvRound(p.x()), cvRound(p.y()));
+    if (!cv::Rect({0, 0}, image.size()).contains(at)) return false;
+    const auto& pixel = image.at<cv::Vec3b>(at);
+    return std::min({pixel[0], pixel[1], pixel[2]}) < kSaturated;
+  });
 }
 
 // From `at` onwards, to beyond the view; with 4 bits of sub-pixels.
@@ -188,15 +206,9 @@ double Scene::cover_up(cv::Mat& light, const Ellipse& e, int k) const {
   const cv::Scalar color =
       variant_.cover == Cover::tool ? cv::Scalar(84, 82, 80) : cv::Scalar(120, 96, 70);
   fill_bar(light, center - reach * along, angle, 60, color);
-  int left = 0;
-  constexpr int kSamples = 300;
-  for (int q = 0; q < kSamples; ++q) {
-    const double r = std::sqrt((q + 0.5) / kSamples);
-    const Eigen::Vector2d p =
-        Ellipse{e.center_px, r * e.semi_major_px, r * e.semi_minor_px, e.angle}.point(2.399963 * q);
-    left += (cv::Point2d(p.x(), p.y()) - center).dot(along) < -reach;
-  }
-  return left / double{kSamples};
+  return share_of(e, [&](const Eigen::Vector2d& p) {
+    return (cv::Point2d(p.x(), p.y()) - center).dot(along) < -reach;
+  });
 }
 
 // Light as factors: flicker at no multiple of the frame rate, bands as of a rolling shutter, a
@@ -306,6 +318,8 @@ Shot Scene::shot(int k) const {
   cv::GaussianBlur(light, light, {0, 0}, variant_.defocus_px);
   if (k < kTrainingFrom) add_glare(light, shot.truth, k);
   shot.image = camera(light, k);
+  const bool glare = variant_.cover == Cover::glare_stays || variant_.cover == Cover::glare_passes;
+  if (glare) shot.visible *= unsaturated(shot.image, shot.truth);
   return shot;
 }
 
