@@ -40,6 +40,10 @@ struct ColorModelSettings {
   Channels channels;
   int bins = 32;                ///< of the histogram, along each channel
   double smoothing_bins = 0.6;  ///< standard deviation of the Gaussian on the histograms
+  /// Share of the colors that a lens out of focus would mix of object and ground, beside those
+  /// seen: with 0.1 an object out of focus is followed that is lost without; before vessels of
+  /// nearly its own color some sharp ones are lost for it (docs/vision.md).
+  double mixed = 0;
   /// Radius of the disc omega of thesis 8.1.1: how far around the object the ground counts.
   int neighborhood_px = 12;
   /// Of a wrong decision against an undecided pixel, in the weighted reading of (8.2).

@@ -4,12 +4,17 @@
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numeric>
 
 namespace vitreo::vision {
 namespace {
+
+constexpr std::array<double, 3> kDefocus_px{2, 4, 8};  // standard deviations
+constexpr float kLeastMixed = 0.1F;                    // share of either side in a mixed color
 
 constexpr std::size_t kTableLevels = ColorModel::kLevels;
 constexpr std::size_t kCells = kTableLevels * kTableLevels * kTableLevels;
@@ -149,6 +154,29 @@ Thresholds flat_part(const std::function<double(double)>& cost, double slack) {
   return ends;
 }
 
+// Image and mask blurred alike: the mask says how much of each pixel is the object's.
+void count_mixed(const LabeledImage& one, double sigma, ColorCounts& mixed) {
+  const int reach = static_cast<int>(4 * sigma);
+  const cv::Rect object = cv::boundingRect(one.mask);
+  const cv::Rect part = cv::Rect(object.x - reach, object.y - reach, object.width + 2 * reach,
+                                 object.height + 2 * reach) &
+                        cv::Rect({0, 0}, one.image.size());
+  cv::Mat image;
+  cv::Mat share;
+  cv::GaussianBlur(one.image(part), image, {}, sigma);
+  cv::Mat(one.mask(part) != 0).convertTo(share, CV_32F, 1.0 / 255);
+  cv::GaussianBlur(share, share, {}, sigma);
+  for (int v = 0; v < image.rows; ++v) {
+    const auto* from = image.ptr<cv::Vec3b>(v);
+    const auto* of_object = share.ptr<float>(v);
+    for (int u = 0; u < image.cols; ++u) {
+      if (of_object[u] < kLeastMixed || of_object[u] > 1 - kLeastMixed) continue;
+      auto& side = of_object[u] > 0.5F ? mixed.object : mixed.ground;
+      side[ColorModel::cell_of(from[u][0], from[u][1], from[u][2])] += 1;
+    }
+  }
+}
+
 double midpoint(const Thresholds& t) { return (t.low + t.high) / 2; }
 
 }  // namespace
@@ -184,6 +212,25 @@ ColorCounts count_colors(std::span<const LabeledImage> images) {
     }
   }
   return counts;
+}
+
+// Of the few pixels of an object the rim's are a large share, and of all the ground's they are next
+// to none: by the images' own counts a color that is mixed of a fifth of the object is the
+// object's, and one out of focus grows until its outline finds no end. So what is mixed counts as
+// much on both sides.
+void add_mixed_colors(ColorCounts& counts, std::span<const LabeledImage> images, double share) {
+  if (share <= 0) return;
+  ColorCounts mixed{std::vector<double>(kCells, 0.0), std::vector<double>(kCells, 0.0)};
+  for (const LabeledImage& one : images)
+    for (const double sigma : kDefocus_px) count_mixed(one, sigma, mixed);
+  const auto add = [share](std::vector<double>& to, const std::vector<double>& more) {
+    const double seen = std::accumulate(to.begin(), to.end(), 0.0);
+    const double of_more = std::accumulate(more.begin(), more.end(), 0.0);
+    if (of_more <= 0) return;
+    for (std::size_t k = 0; k < to.size(); ++k) to[k] += share * seen / of_more * more[k];
+  };
+  add(counts.object, mixed.object);
+  add(counts.ground, mixed.ground);
 }
 
 // F = log(P(u|object) / P(u|ground)) of thesis 8.2.1, cycle one, of every cell, clamped to +-127 /

@@ -18,6 +18,9 @@ struct ColorCounts {
 };
 
 ColorCounts count_colors(std::span<const LabeledImage> images);
+/// Beside them, `share` of all of each side: the colors that defocus mixes at the object's rim,
+/// which are the object's where more than half of the mixture is.
+void add_mixed_colors(ColorCounts& counts, std::span<const LabeledImage> images, double share);
 /// Joint histograms of the settings' channels, smoothed; F of each cell, times ColorModel::kScale.
 /// A color that occurred in neither gets F = 0.
 std::vector<std::int8_t> compile_table(const ColorCounts& counts,

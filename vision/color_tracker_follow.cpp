@@ -133,7 +133,8 @@ void ColorTracker::State::weigh_with_last(LookWorth& worth) {
 bool ColorTracker::State::vague(const Judged& look) const {
   if (!settings.view.refine) return false;
   const double variance = calibrated(look).covariance.topLeftCorner<2, 2>().trace() / 2;
-  return std::sqrt(variance) > kVaguest * axes_px.y();
+  // Blur makes it larger, and no more certain.
+  return std::sqrt(variance) > kVaguest * std::min(axes_px.y(), trained_axes().y());
 }
 
 ColorTracker::State::Asked ColorTracker::State::asked_near() const {

@@ -14,6 +14,7 @@ namespace vitreo::vision {
 void ColorModelSettings::check() const {
   require(bins >= 4 && bins <= 64, "bins: must be 4 to 64");
   require(smoothing_bins >= 0 && smoothing_bins <= 4, "smoothing_bins: must be 0 to 4");
+  require(mixed >= 0 && mixed <= 1, "mixed: must be 0 to 1");
   require(neighborhood_px >= 1 && neighborhood_px <= 200, "neighborhood_px: must be 1 to 200");
   require(weight >= 1 && weight <= 1000, "weight: must be 1 to 1000");
 }
@@ -43,7 +44,8 @@ ColorModel ColorModel::train(std::span<const LabeledImage> images,
                              const ColorModelSettings& settings) {
   settings.check();
   check_labeled(images);
-  const ColorCounts counts = count_colors(images);
+  ColorCounts counts = count_colors(images);
+  add_mixed_colors(counts, images, settings.mixed);
   ColorModel model;
   model.channels_ = settings.channels;
   model.table_ = compile_table(counts, settings);

@@ -180,6 +180,8 @@ static_assert(kFirstShadow + 4 == kDisturbances);
 
 }  // namespace
 
+bool is_blur(int kind) { return kind >= kFirstDefocus && kind < kFirstSmear; }
+
 bool is_light(int kind) { return kind >= kFirstLight && kind <= kSlope; }
 
 // The kinds in the order: light, cast, compression, defocus, smear, noise,

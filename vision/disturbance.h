@@ -15,6 +15,8 @@ constexpr int kDisturbances = 30;  ///< kinds, from 0; 0 is the image as it is
 
 /// Whether a kind is another light alone: gains of the channels, about even over the object.
 bool is_light(int kind);
+/// Whether it is defocus.
+bool is_blur(int kind);
 
 /// `image` (CV_8UC3) as it would be under disturbance `kind`. `object`: where what is covered or
 /// outshone lies. Same arguments, same image.

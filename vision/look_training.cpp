@@ -85,12 +85,11 @@ class Lessons {
     truth.center_px -= Eigen::Vector2d(part.x, part.y);
     for (int kind = 0; kind < kDisturbances; ++kind)
       look_at_object(memory, disturbed(one.labeled.image(part), truth, kind, seed), truth, random,
-                     is_light(kind));
+                     kind);
     for (int move = 0; move < kMoves; ++move) {
       const cv::Mat image = moved(one, part, random);
       const int kind = move % 2 == 0 ? 0 : random.uniform(1, kDisturbances);
-      look_at_object(memory, disturbed(image, truth, kind, seed + 31 * move), truth, random,
-                     is_light(kind));
+      look_at_object(memory, disturbed(image, truth, kind, seed + 31 * move), truth, random, kind);
     }
     for (const double size : kSizes) {
       cv::Mat image;
@@ -102,7 +101,7 @@ class Lessons {
       for (int look = 0; look < kResized; ++look) {
         const int kind = look == 0 ? 0 : random.uniform(1, kDisturbances);
         look_at_object(memory, disturbed(image, resized, kind, seed + 57 * look), resized, random,
-                       is_light(kind));
+                       kind);
       }
     }
   }
@@ -172,23 +171,36 @@ class Lessons {
     return settings;
   }
 
-  // `adapted`: the tracker would have learnt the light of this image; see it so.
+  // Of a kind that is light alone, the tracker would have learnt it; see it so.
   void look_at_object(LookMemory& memory, const cv::Mat& image, const Ellipse& truth,
-                      cv::RNG& random, bool adapted) {
-    const auto color = adapted ? log_color_within(image, truth) : std::nullopt;
+                      cv::RNG& random, int kind) {
+    const auto color = is_light(kind) ? log_color_within(image, truth) : std::nullopt;
     view_.set_light(color && model_.light.known ? LogColor(*color - model_.light.object)
                                                 : LogColor::Zero());
-    const Eigen::Vector2d axes = Eigen::Vector2d(truth.semi_major_px, truth.semi_minor_px) +
-                                 size_of(truth) * model_.rim.semi_axes_px;
-    const Ellipse start = expected_near(truth, axes, random);
-    const EllipsePrior prior{start, 5, 1, settings_.angle_sigma};
-    const Observation seen = view_.observe(image, start, settings_.gate_px, prior);
-    if (!seen.measured || seen.leaked) return;
+    Eigen::Vector2d axes = Eigen::Vector2d(truth.semi_major_px, truth.semi_minor_px) +
+                           size_of(truth) * model_.rim.semi_axes_px;
+    // Blur widens the object, and what is expected of it in the next image.
+    const int looks = is_blur(kind) ? 2 : 1;
+    for (int look = 0; look < looks; ++look) {
+      const Ellipse start = expected_near(truth, axes, random);
+      const EllipsePrior prior{start, 5, 1, settings_.angle_sigma};
+      const Observation seen = view_.observe(image, start, settings_.gate_px, prior);
+      if (!seen.measured || seen.leaked) return;
+      remember(memory, seen, truth);
+      axes = {seen.measured->ellipse.semi_major_px, seen.measured->ellipse.semi_minor_px};
+    }
+  }
+
+  void remember(LookMemory& memory, const Observation& seen, const Ellipse& truth) const {
+    const Ellipse& e = seen.measured->ellipse;
+    const Eigen::Vector2d trained = model_.semi_axes_px + model_.rim.semi_axes_px;
+    const LookFeatures features =
+        features_of(seen, std::sqrt(e.semi_major_px * e.semi_minor_px / trained.prod()));
     const Erred erred = error_of(*seen.measured, model_.rim, truth, size_of(truth));
     if (erred.off_px < kAstray_px)
-      memory.add_object(features_of(seen, size_of(truth)), erred.center, erred.shape);
+      memory.add_object(features, erred.center, erred.shape);
     else
-      memory.add_other(features_of(seen, size_of(truth)));
+      memory.add_other(features);
   }
 
   // The object with a little of what is round it (its blur), cut out and laid over another part of

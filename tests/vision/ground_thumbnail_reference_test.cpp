@@ -231,8 +231,9 @@ TEST(GroundThumbnail, says_nothing_of_a_displacement_beyond_its_reach) {
     const cv::Mat of = ground(kind, 300);
     const GroundThumbnail first = thumbnail(view(of, kNone));
     for (const auto& [u, v] : beyond)
-      if (const auto said = first.shift_to(thumbnail(view(of, {u, v}))))
+      if (const auto said = first.shift_to(thumbnail(view(of, {u, v})))) {
         EXPECT_LE(said->cwiseAbs().maxCoeff(), 122) << u << ' ' << v;
+      }
   }
 }
 
@@ -287,7 +288,9 @@ TEST(GroundThumbnail, says_nothing_where_there_is_no_structure_or_only_noise) {
     EXPECT_FALSE(empty[k].shift_to(full)) << k;
     EXPECT_FALSE(full.shift_to(empty[k])) << k;
     for (std::size_t j = 0; j < empty.size(); ++j)
-      if (j != k || k < blank) EXPECT_FALSE(empty[k].shift_to(empty[j])) << k << ' ' << j;
+      if (j != k || k < blank) {
+        EXPECT_FALSE(empty[k].shift_to(empty[j])) << k << ' ' << j;
+      }
   }
 }
 
@@ -312,7 +315,9 @@ TEST(GroundThumbnail, says_nothing_of_two_views_of_other_grounds) {
     }
     for (std::size_t k = 0; k < views.size(); ++k)
       for (std::size_t j = 0; j < views.size(); ++j)
-        if (j != k) EXPECT_FALSE(views[k].shift_to(views[j])) << same_camera << k << ' ' << j;
+        if (j != k) {
+          EXPECT_FALSE(views[k].shift_to(views[j])) << same_camera << k << ' ' << j;
+        }
   }
 }
 
@@ -351,7 +356,8 @@ TEST(GroundThumbnail, does_not_count_lamp_vignette_spot_of_light_nor_white_refle
 // An ellipse twice as long as wide; where it moves it is elsewhere in every trial.
 Change with_body(float semi_major, double level, bool moves) {
   return drawing([=](cv::Mat& seen, int k) {
-    const cv::Point2f at(300.F + (moves ? 21.F * k : 0), 260.F - (moves ? 14.F * k : 0));
+    const auto moved = static_cast<float>(moves ? k : 0);
+    const cv::Point2f at(300.F + 21.F * moved, 260.F - 14.F * moved);
     cv::ellipse(seen, {at, {2 * semi_major, semi_major}, 30}, cv::Scalar(level), cv::FILLED);
   });
 }

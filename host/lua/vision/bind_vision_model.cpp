@@ -43,6 +43,7 @@ int train(const Call& call) {
   auto images = std::make_shared<std::vector<vision::LabeledImage>>(labeled_option(call));
   auto made = std::make_shared<TrainedModel>();
   made->color = color_settings(call);
+  if (const auto share = call.number_option("mixed")) made->color.mixed = *share;
   const vision::ObjectViewSettings view = view_settings(call);
   const auto network_file = call.text_option("network");
   const std::string network =
@@ -81,6 +82,9 @@ int load(const Call& call, const std::string& name) {
 /// Of vision.color_model beside `file`.
 std::vector<Argument> training_options() {
   std::vector<Argument> options = with_color_options({labeled_argument()});
+  options.push_back(number_option_row(
+      "mixed", 0, 1,
+      "share of the colors that defocus would mix at the rim (0); 0.1 follows one out of focus"));
   options.push_back({.name = "network",
                      .type = Type::text,
                      .optional = true,

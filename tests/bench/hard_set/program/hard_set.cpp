@@ -1,7 +1,7 @@
 // The hard set: a row a variant, over seeds and grounds: lost, wrong, px, inside, frames a second.
 // hard_set [--photos FOLDER] [--seeds A-B] [--each N] [--variant PART] [--ground PART] [--from N]
-//   [--until N] [--no-rim] [--network FILE] [--by-ground] [--frames] [--into FILE [--minutes M]]
-//   [--repeats N]
+//   [--until N] [--no-rim] [--network FILE] [--mixed SHARE] [--by-ground] [--frames]
+//   [--into FILE [--minutes M]] [--repeats N]
 // Variants count from 1. --each N: seed k is judged before N of the grounds only, others for each
 // seed, so that all have their turn. --into FILE keeps every sequence's verdict as a line of CSV:
 // what the file has is not judged again, so a long run can be made in parts of M minutes.
@@ -43,6 +43,7 @@ struct Options {
   std::string dump;
   std::string into;
   std::string network;
+  vitreo::vision::ColorModelSettings colors;
   std::uint64_t first_seed = 1;
   std::uint64_t last_seed = 1;
   std::size_t each = 100;
@@ -87,6 +88,8 @@ Options options_of(int argc, char** argv) {
       options.until = std::stoi(value());
     } else if (name == "--repeats") {
       options.judge.repeats = std::stoi(value());
+    } else if (name == "--mixed") {
+      options.colors.mixed = std::stod(value());
     } else if (name == "--no-rim") {
       options.judge.tracker.view.refine = false;
     } else if (name == "--frames") {
@@ -240,7 +243,7 @@ class GroundRun {
   ObjectModel model_for(const Variant& variant, std::uint64_t seed) {
     const auto trained = [&] {
       return ObjectModel::train(training_of(ground_, variant, training_seed(variant, seed), kView),
-                                {}, options_.judge.tracker.view, options_.network);
+                                options_.colors, options_.judge.tracker.view, options_.network);
     };
     if (!trained_as_plain(variant)) return trained();
     if (!plain_) plain_ = trained();
