@@ -252,6 +252,7 @@ return {
     truth = { default = "", help = "csv: frame, cx, cy, A, B, phi_deg, visible" },
     truth_axes = { choices = { "full", "semi" }, default = "full", help = "what A and B of the truth are" },
     channels = { default = "RGB", help = "that the color model looks at: RGB, or a pair such as RG, YV, HS" },
+    mixed = { default = 0, min = 0, max = 1, help = "share of colors that defocus would mix: 0.1 follows a body out of focus" },
     shape_prior = { default = true, help = "draw the outline to the shapes learnt" },
     refine = { default = true, help = "the rim to a fraction of a pixel" },
     pictures = { default = 8, min = 0, max = 100, integer = true, help = "frames shown in the report" },
@@ -261,7 +262,7 @@ return {
     local training = vision.training { folder = p.training }
     if p.tips ~= "" then point_at_tips(training, p.tips) end
     local network = p.network ~= "" and p.network or nil
-    local model = vision.color_model { images = training, channels = p.channels, network = network }
+    local model = vision.color_model { images = training, channels = p.channels, mixed = p.mixed, network = network }
     model:save("object.model")
     local quality = model:info().quality
     run:note(("learnt from %d images: quality %.2f +- %.2f"):format(#training, quality.mean, quality.deviation))
