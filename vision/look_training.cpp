@@ -181,8 +181,9 @@ class Lessons {
                            size_of(truth) * model_.rim.semi_axes_px;
     // Blur widens the object, and what is expected of it in the next image.
     const int looks = is_blur(kind) ? 2 : 1;
+    cv::RNG again(random);  // so that the lessons to come are as if there were one look
     for (int look = 0; look < looks; ++look) {
-      const Ellipse start = expected_near(truth, axes, random);
+      const Ellipse start = expected_near(truth, axes, look == 0 ? random : again);
       const EllipsePrior prior{start, 5, 1, settings_.angle_sigma};
       const Observation seen = view_.observe(image, start, settings_.gate_px, prior);
       if (!seen.measured || seen.leaked) return;
