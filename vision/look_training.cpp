@@ -179,8 +179,9 @@ class Lessons {
                                                 : LogColor::Zero());
     Eigen::Vector2d axes = Eigen::Vector2d(truth.semi_major_px, truth.semi_minor_px) +
                            size_of(truth) * model_.rim.semi_axes_px;
-    // Blur widens the object, and what is expected of it in the next image.
-    const int looks = is_blur(kind) ? 2 : 1;
+    // Blur widens the object, and what is expected of it in the next image; not by gray levels,
+    // where what it mixes is computed (GrayEvidence).
+    const int looks = is_blur(kind) && !model_.gray.known ? 2 : 1;
     cv::RNG again(random);  // so that the lessons to come are as if there were one look
     for (int look = 0; look < looks; ++look) {
       const Ellipse start = expected_near(truth, axes, look == 0 ? random : again);
