@@ -172,6 +172,7 @@ GroundThumbnail::GroundThumbnail(const cv::Mat& image)
 std::optional<Eigen::Vector2d> GroundThumbnail::shift_to(const GroundThumbnail& later,
                                                          int reach) const {
   if (empty() || cell_px_ != later.cell_px_) return std::nullopt;
+  reach = std::clamp(reach, 1, kReach);
   const Contrasts before(sums_);
   const Contrasts now(later.sums_);
   const Agreement agreement(before, now, reach + 1);

@@ -28,7 +28,7 @@ class GroundThumbnail {
   /// What was seen at p is at p + shift (px) in `later`, a view of the same size. At most kReach
   /// cells either way, which is 120 px of 640 x 480; good to a fifth of a cell in the mean, to less
   /// than half of one. Nothing where the views have no structure or do not agree, or where another
-  /// displacement within `reach` cells fits nearly as well.
+  /// displacement within `reach` cells (1 to kReach) fits nearly as well.
   std::optional<Eigen::Vector2d> shift_to(const GroundThumbnail& later, int reach = kReach) const;
 
  private:

@@ -118,38 +118,33 @@ void expect_tracked(const Track& track, const Ellipse& truth) {
   EXPECT_LE(track.work, ColorTracker::kMostWork);
 }
 
-TEST(DisplacedView, keeps_the_robot_in_the_frame_in_which_the_view_jumps) {
+/// The robot goes on being tracked in the very frame in which the view jumps, by each way apart.
+void expect_kept(const std::vector<Vector2d>& jumps) {
   for (const std::uint64_t seed : kSeeds) {
     Followed followed(seed);
     const TrackMemory before = followed.tracker.memory();
     followed.scene.put(swimming(kBefore));
     const generated::Frame whole = followed.scene.whole(kBefore);
-    for (const double length : kLengths)
-      for (const Vector2d& way : ways(length)) {
-        SCOPED_TRACE(testing::Message() << seed << " view by " << way.transpose());
-        followed.tracker.restore(before);
-        const Seen seen = Scene::cut(whole, kMiddle + way);
-        expect_tracked(followed.tracker.update(seen.image), seen.truth);
-      }
-  }
-}
-
-// Neither by as far along u and v nor by whole cells of a thumbnail, or by odd numbers of them.
-TEST(DisplacedView, keeps_the_robot_whatever_the_view_jumps_by) {
-  for (const std::uint64_t seed : kSeeds) {
-    Followed followed(seed);
-    const TrackMemory before = followed.tracker.memory();
-    followed.scene.put(swimming(kBefore));
-    const generated::Frame whole = followed.scene.whole(kBefore);
-    for (const Vector2d& way :
-         {Vector2d(-60, -30), Vector2d(50, 50), Vector2d(30, -70), Vector2d(-90, 10),
-          Vector2d(34, -46), Vector2d(-16, 12), Vector2d(74, 108), Vector2d(-110, 90)}) {
+    for (const Vector2d& way : jumps) {
       SCOPED_TRACE(testing::Message() << seed << " view by " << way.transpose());
       followed.tracker.restore(before);
       const Seen seen = Scene::cut(whole, kMiddle + way);
       expect_tracked(followed.tracker.update(seen.image), seen.truth);
     }
   }
+}
+
+TEST(DisplacedView, keeps_the_robot_in_the_frame_in_which_the_view_jumps) {
+  for (const double length : kLengths) {
+    const auto all = ways(length);
+    expect_kept({all.begin(), all.end()});
+  }
+}
+
+// Neither by as far along u and v nor by whole cells of a thumbnail, or by odd numbers of them.
+TEST(DisplacedView, keeps_the_robot_whatever_the_view_jumps_by) {
+  expect_kept({Vector2d(-60, -30), Vector2d(50, 50), Vector2d(30, -70), Vector2d(-90, 10),
+               Vector2d(34, -46), Vector2d(-16, 12), Vector2d(74, 108), Vector2d(-110, 90)});
 }
 
 TEST(DisplacedView, goes_on_as_if_nothing_had_been_after_a_jump) {

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <ostream>
 #include <string>
 #include <vector>
@@ -24,7 +25,7 @@ struct Row {
 
 void PrintTo(const Row& row, std::ostream* out) { *out << row.variant; }
 
-class HardSet : public testing::TestWithParam<Row> {
+class GeneratedGrounds : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     cv::setNumThreads(1);
@@ -48,7 +49,17 @@ class HardSet : public testing::TestWithParam<Row> {
   }
   static std::vector<Ground> grounds_;
 };
-std::vector<Ground> HardSet::grounds_;
+std::vector<Ground> GeneratedGrounds::grounds_;
+
+class HardSet : public GeneratedGrounds, public testing::WithParamInterface<Row> {};
+
+// What blur widens in one image is as wide in the next: 35 are lost by a training that looks once,
+// from the true axes.
+TEST_F(GeneratedGrounds, AreNoReasonToLoseWhatIsOutOfFocus) {
+  const Verdict found = judged("vessels C", "defocus of 5 px");
+  std::printf("%d of 80 lost\n", found.lost);
+  EXPECT_LE(found.lost, 20);
+}
 
 TEST_P(HardSet, FollowsAndSaysNothingWrong) {
   for (const char* before : {"hemorrhages", "vessels C"}) {
