@@ -118,13 +118,12 @@ void Servo::set_offset(const Eigen::Vector3d& offset) {
   if (!(offset.norm() <= kLargest))
     throw std::invalid_argument("offset: wants at most " + format_quantity(kLargest, "m") +
                                 ", got " + format_quantity(offset.norm(), "m"));
-  loop_->view_moved(offset - loop_->source.offset());
-  loop_->source.set_offset(offset);
+  loop_->offset = offset;
   loop_->recorder.event(loop_->clock.now(), "offset",
                         nlohmann::json{offset.x(), offset.y(), offset.z()}.dump());
 }
 
-Eigen::Vector3d Servo::offset() const { return loop_->source.offset(); }
+Eigen::Vector3d Servo::offset() const { return loop_->offset; }
 
 Eigen::Vector3d Servo::force_for(const Eigen::Vector3d& velocity) const {
   return loop_->controller.force_of(velocity);

@@ -97,8 +97,8 @@ class Servo {
   /// holding that long.
   Eigen::Vector3d mean_correction(double duration) const;
   /// Added to every position that the top camera finds (m, world): the localization's bias, as it
-  /// was found at a known position. Throws std::invalid_argument for one that is not finite, or
-  /// above 1 mm.
+  /// was found at a known position. From the loop's next turn on. Throws std::invalid_argument for
+  /// one that is not finite, or above 1 mm.
   void set_offset(const Eigen::Vector3d& offset);
   Eigen::Vector3d offset() const;
   /// Of the law estimator with the gains in use; nothing for other laws, and before it has

@@ -70,6 +70,7 @@ ObservationSource::ObservedFrame Servo::Loop::next() {
 }
 
 void Servo::Loop::tick() {
+  take_offset();
   // Before the frame is waited for: the localizer takes the axis as its prior for that frame.
   expect_axis();
   const auto [frame, observation, distrusted] = next();
@@ -170,9 +171,14 @@ void Servo::Loop::note_taken(const Observation& observation, const ControlStep& 
                          : "no measurement could be used for the time allowed: " + not_taken);
 }
 
-/// By a correction of the view, m, which is no motion of the robot. Of two cameras the corrected
-/// one has a share in the position that differs from frame to frame: the filter finds it out.
-void Servo::Loop::view_moved(const Eigen::Vector3d& by) {
+/// A correction of the view is no motion of the robot. It may be given while a turn waits; the turn
+/// ends with the view that it began with, so that no place of the one is held against the other's.
+/// Of two cameras the corrected one has a share in the position that differs from frame to frame:
+/// the filter finds it out.
+void Servo::Loop::take_offset() {
+  const Eigen::Vector3d by = offset - source.offset();
+  if (by.isZero(0)) return;
+  source.set_offset(offset);
   // A pose sensor's readings are not corrected.
   if (settings.feedback != Feedback::two_cameras && settings.feedback != Feedback::pose_sensor)
     controller.view_moved(by);

@@ -58,9 +58,9 @@ struct Servo::Loop {
   /// clock, as a stamp may be wrong. A robot that was let go counts as seen where it is seen.
   void note_taken(const Observation& observation, const ControlStep& step,
                   const std::string& distrusted);
+  void take_offset();
   /// Amplifiers and coils, by what the robot does. Not by the laws for media that the model does
   /// not know, nor beside a wall, where contact holds the robot.
-  void view_moved(const Eigen::Vector3d& by);
   bool beside_a_wall(const control::WallClearance& wall) const;
   void watch_plant(const Frame& frame, double now, const Observation& observation,
                    const ControlStep& step);
@@ -116,11 +116,12 @@ struct Servo::Loop {
   bool was_constant = false;  // the currents, a turn ago
   PairedView pairs;           // of what the plant watch hears
   ReferencePath reference;
-  Eigen::Vector3d goal{0, 0, 0};  // m, the end of the reference
-  bool starting = false;          // the reference's time has not begun
-  bool seen = false;              // once at least
-  bool let_go = false;            // lost for longer than the timeout: zero current
-  bool canceling = false;         // of mode released
+  Eigen::Vector3d goal{0, 0, 0};    // m, the end of the reference
+  bool starting = false;            // the reference's time has not begun
+  Eigen::Vector3d offset{0, 0, 0};  // m: the view's correction, from the next turn on
+  bool seen = false;                // once at least
+  bool let_go = false;              // lost for longer than the timeout: zero current
+  bool canceling = false;           // of mode released
   RobotClearance surface;
   PlantWatch plant;
   WallWatch walls;
