@@ -18,6 +18,8 @@ constexpr double kAwayFor = 3;         // s
 // m: a PD follows a target of 2 mm/s 1.3 mm behind it.
 constexpr double kAway = 2e-3;
 constexpr double kNearer = 0.3e-3;  // m, by which one on its way comes nearer meanwhile
+constexpr double kOff = 0.2e-3;     // m, from a target that rests, and by which part nearer
+constexpr double kOffNearer = 0.2;
 // Of the measurement's standard deviation: an oscillation below it is no harm, and a square's
 // corners are below it too.
 constexpr double kAboveNoise = 3;
@@ -148,7 +150,8 @@ void MotionWatch::look() {
       oscillating_ = oscillates(axis, count, sound);
   }
   standing_ = stands();
-  off_target_ = stays_away();
+  off_target_ = stays_away(kAway, kNearer);
+  rests_off_ = stays_off_rest();
 }
 
 // Under a command.
@@ -174,14 +177,28 @@ bool MotionWatch::stands() const {
   return told.dot(lately_.back().position - first->position) / length < length / 5;
 }
 
-bool MotionWatch::stays_away() const {
+bool MotionWatch::stays_away(double away, double nearer) const {
   const double end = lately_.back().time;
   if (end - lately_.front().time < kAwayFor) return false;
   const auto first = std::find_if(lately_.begin(), lately_.end(),
                                   [end](const auto& one) { return one.time >= end - kAwayFor; });
   return std::all_of(first, lately_.end(),
-                     [](const auto& one) { return one.free && one.error.norm() > kAway; }) &&
-         first->error.norm() - lately_.back().error.norm() < kNearer;
+                     [away](const auto& one) { return one.free && one.error.norm() > away; }) &&
+         first->error.norm() - lately_.back().error.norm() < nearer;
+}
+
+double MotionWatch::stays_off_rest() const {
+  const double end = lately_.back().time;
+  if (!stays_away(kOff, kOffNearer * lately_.back().error.norm())) return 0;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double count = 0;
+  for (const WatchedMotion& one : lately_) {
+    if (one.time < end - kAwayFor) continue;
+    if (!one.reference.isZero(0)) return 0;
+    sum += one.error;
+    count += 1;
+  }
+  return (sum / count).norm();
 }
 
 // The newest `count` errors of one coordinate, taken as evenly spaced, which frames are.

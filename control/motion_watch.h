@@ -47,12 +47,17 @@ class MotionWatch {
   /// For three seconds it has been farther than 2 mm from its target, and has come nearer by less
   /// than 0.3 mm.
   bool off_target() const { return off_target_; }
+  /// m: how far it has been, in the mean, from a target that rested for three seconds, where that
+  /// was more than 0.2 mm throughout and it came no nearer by a fifth: what a law leaves standing.
+  /// Else 0.
+  double rests_off() const { return rests_off_; }
   void reset() { *this = MotionWatch(); }
 
  private:
   void look();
   bool stands() const;
-  bool stays_away() const;
+  bool stays_away(double away, double nearer) const;
+  double stays_off_rest() const;
   bool oscillates(int axis, std::size_t count, double sound);
   static constexpr double kTold = 0.4e-3;
   std::deque<WatchedMotion> lately_;
@@ -60,6 +65,7 @@ class MotionWatch {
   bool oscillating_ = false;
   bool standing_ = false;
   bool off_target_ = false;
+  double rests_off_ = 0;
   double period_ = 0;
   double amplitude_ = 0;
 };

@@ -66,9 +66,15 @@ void LoopReport::quality(const LoopQuality& now) {
              ? fmt::format("the leads of coil {} seem to be exchanged", now.weak_coil)
              : fmt::format("coil {} seems to carry {:.0f} % of what it is given", now.weak_coil,
                            100 * std::max(0.0, 1 - now.lack)));
+  // No alarm: the thesis' law leaves what the field lacks standing, and is not to cry for it.
+  if (now.rests_off > 0 && quality_.rests_off == 0)
+    recorder_.event(clock_.now(), "control",
+                    "off at rest: the robot stays " + format_quantity(now.rests_off, "m") +
+                        " from a target that rests");
   worst_.oscillating |= now.oscillating;
   worst_.standing |= now.standing;
   worst_.off_target |= now.off_target;
+  worst_.rests_off = std::max(worst_.rests_off, now.rests_off);
   worst_.kept_out |= now.kept_out;
   worst_.capped |= now.capped;
   worst_.clamped |= now.clamped;

@@ -159,6 +159,7 @@ LoopQuality LoopWatch::quality() const {
   found.amplitude = motion_.amplitude();
   found.standing = motion_.standing();
   found.off_target = motion_.off_target();
+  found.rests_off = motion_.rests_off();
   found.kept_out = kept_out_since_ >= 0 && now_ - kept_out_since_ > kLong;
   found.capped = capped_since_ >= 0 && now_ - capped_since_ > kLong;
   found.clamped = clamped_since_ >= 0 && now_ - clamped_since_ > kLong;

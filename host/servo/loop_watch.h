@@ -24,14 +24,15 @@ struct LoopQuality {
   double amplitude = 0;      // m
   bool standing = false;     // told to move, and does not
   bool off_target = false;   // long far from its target, and comes no nearer
+  double rests_off = 0;      // m, from a target that rests: what the law leaves standing
   bool kept_out = false;     // the keep-out margin has long changed the command
   bool capped = false;       // the feedback has long asked for its largest speed
   bool clamped = false;      // the disturbance has long been at its largest: the robot is held fast
   int weak_coil = 0;         // from 1: which carries less than it is given; 0: none
   double lack = 0;           // part of its current that is missing
   bool good() const {
-    return !oscillating && !standing && !off_target && !kept_out && !capped && !clamped &&
-           weak_coil == 0;
+    return !oscillating && !standing && !off_target && rests_off == 0 && !kept_out && !capped &&
+           !clamped && weak_coil == 0;
   }
 };
 

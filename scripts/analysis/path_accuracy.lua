@@ -156,6 +156,28 @@ function judge.distances(run, options, prefix)
   return { x = offset.time, y = distance }
 end
 
+--- What is left of a robot that is held, in a span {from, to}: `scatter`, rms of its distance from its own mean place, m, which
+--- the control is to answer for, and `sigmas`, how far that mean is from the target along the axis where it is farthest, over
+--- the standard deviation that the record states there: what the view is off by, which no control can see.
+function judge.at_rest(run, options)
+  local span, axes = { from = options.from, to = options.to }, axes_of(run)
+  local offset = offsets(run, span, "target_", axes)
+  local variance, sigmas = 0, 0
+  for _, axis in ipairs(axes) do
+    local stated = run:samples("servo", { "sigma_" .. axis }, span)["sigma_" .. axis]
+    local sum, squares, sigma, count = 0, 0, 0, 0
+    for i, value in ipairs(offset[axis]) do
+      if value == value and stated[i] == stated[i] then
+        sum, squares, sigma, count = sum + value, squares + value ^ 2, sigma + stated[i], count + 1
+      end
+    end
+    if count == 0 then error("the robot is not seen along " .. axis, 2) end
+    variance = variance + math.max(0, squares / count - (sum / count) ^ 2)
+    sigmas = math.max(sigmas, math.abs(sum) / sigma)
+  end
+  return { scatter = math.sqrt(variance), sigmas = sigmas }
+end
+
 local function error_plot(run, span, which)
   local path = judge.distances(run, span, "target_")
   local localization = judge.distances(run, span, "")

@@ -72,6 +72,36 @@ TEST(MotionWatch, ARobotThatStaysFarFromItsTargetIsSaidToAndOneOnItsWayIsNot) {
   EXPECT_FALSE(off_target(6e-3, 0, false)) << "in a medium that yields now and then";
 }
 
+// m: at most, of a robot `begin` from its target, nearer by `part` of it a second, in 8 s.
+double rests_off(double begin, double part, double target_speed = 0, bool free = true) {
+  MotionWatch watch;
+  double most = 0;
+  for (int k = 0; k < 120; ++k) {
+    WatchedMotion motion;
+    motion.time = k / 15.0;
+    motion.error = {0, 0.6 * begin * std::exp(-part * motion.time),
+                    -0.8 * begin * std::exp(-part * motion.time)};
+    motion.reference = {target_speed, 0, 0};
+    motion.free = free;
+    watch.add(motion);
+    if (motion.time < 2.9) {
+      EXPECT_EQ(watch.rests_off(), 0) << motion.time;
+    }
+    most = std::max(most, watch.rests_off());
+  }
+  return most;
+}
+
+TEST(MotionWatch, WhatALawLeavesStandingIsTold) {
+  EXPECT_NEAR(rests_off(0.35e-3, 0), 0.35e-3, 1e-9);
+  EXPECT_NEAR(rests_off(1.5e-3, 0), 1.5e-3, 1e-9);
+  EXPECT_NEAR(rests_off(0.5e-3, 0.02), 0.48e-3, 0.02e-3) << "hardly on its way";
+  EXPECT_EQ(rests_off(0.19e-3, 0), 0);
+  EXPECT_EQ(rests_off(3e-3, 0.3), 0) << "on its way";
+  EXPECT_EQ(rests_off(0.35e-3, 0, 0.5e-3), 0) << "behind a target that moves";
+  EXPECT_EQ(rests_off(0.35e-3, 0, 0, false), 0) << "in a medium that yields now and then";
+}
+
 TEST(MotionWatch, NoiseAWanderingErrorAndTheCornersOfASquareAreNoOscillation) {
   MotionWatch watch;
   Motions motions;

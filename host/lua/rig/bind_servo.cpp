@@ -243,6 +243,8 @@ Returned quality_fields() {
        {"oscillating", "", "the robot went to and fro about its target"},
        {"standing", "", "it was told to move and stood"},
        {"off_target", "", "it was farther than 2 mm from its target for 3 s and came no nearer"},
+       {"rests_off", "m",
+        "how far it stayed, at most, for 3 s from a target that rested; 0: 0.2 mm or less"},
        {"kept_out", "", "the keep-out margin changed the command for more than 3 s"},
        {"capped", "", "the feedback asked for its largest speed for more than 3 s"},
        {"clamped", "", "what pushed it was at its bound for more than 3 s"},

@@ -319,7 +319,7 @@ int servo_calls::clearance(Call& call) {
   return 1;
 }
 
-// "good", or what was wrong, by the names of the alarms.
+// "good", or what was wrong, by the names of the alarms where there is one.
 int servo_calls::quality(Call& call) {
   const LoopQuality found = call.self<Servo>().quality();
   std::string verdict;
@@ -329,6 +329,7 @@ int servo_calls::quality(Call& call) {
   name(found.oscillating, "oscillation");
   name(found.standing, "standstill");
   name(found.off_target, "off target");
+  name(found.rests_off > 0, "off at rest by " + format_quantity(found.rests_off, "m"));
   name(found.kept_out, "keep-out margin");
   name(found.capped, "speed cap");
   name(found.clamped, "disturbance clamp");
@@ -338,6 +339,7 @@ int servo_calls::quality(Call& call) {
       .flag("oscillating", found.oscillating)
       .flag("standing", found.standing)
       .flag("off_target", found.off_target)
+      .number("rests_off", found.rests_off, "m")
       .flag("kept_out", found.kept_out)
       .flag("capped", found.capped)
       .flag("clamped", found.clamped)
