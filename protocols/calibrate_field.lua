@@ -148,13 +148,17 @@ local function judge(run, p, found, before)
   return book
 end
 
-local function report(run, found, directions)
+-- What is stated of the angle between the field and the model's, both coordinates of the direction together. Through cameras the
+-- robot moves as their frame has it, which is turned against the world by what the rig's view says.
+local function stated(sigma, tilt) return math.sqrt(2 * (sigma ^ 2 + tilt ^ 2)) end
+
+local function report(run, found, directions, tilt)
   run:result("unexplained_before", found.held_out.before, "m/s")
   run:result("unexplained_after", found.held_out.after, "m/s")
   run:result("fitted_before", found.fitted.before, "m/s")
   run:result("fitted_after", found.fitted.after, "m/s")
-  run:result("direction_sigma_before", found.direction_believed, "rad")
-  run:result("direction_sigma_after", found.direction_sigma, "rad")
+  run:result("direction_sigma_before", stated(found.direction_believed, 0), "rad")
+  run:result("direction_sigma_after", stated(found.direction_sigma, tilt), "rad")
   run:result("response", found.response)
   run:result("sink", found.sink)
   if not directions then
@@ -198,7 +202,8 @@ return {
     )
     show_coils(run, found)
     local models = { before = found.believed, after = found.model }
-    report(run, found, flights.directions(run, models, span, model.command_delay))
+    local tilt = p.feedback == "pose_sensor" and 0 or model.uncertainty.tilt
+    report(run, found, flights.directions(run, models, span, model.command_delay), tilt)
     local book = judge(run, p, found, model.identified)
     if not book:close() then error("not all numbers were accepted", 0) end
   end,

@@ -90,6 +90,7 @@ function one_look.information(rig, places, axis, axis_sigma)
     "center",
     "dilation_px",
     "dilation_slope",
+    "axis_turn",
     "retina_depth",
     "retina_tilt",
     "retina_curvature",

@@ -21,16 +21,20 @@ chain.axis_turn = 2.5 * units.deg
 chain.focus_sigma = 0.5 * mm
 
 --- The rig's chain as it is believed. Its robot is a spheroid, or plates that fill one: of a cylinder the looks' ellipses would
---- have to be converted first, as view:calibrate does.
-function chain.believed(rig)
-  local model = rig:model()
+--- have to be converted first, as view:calibrate does. `sigmas`: what is uncertain of it otherwise than `uncertainty` of
+--- viewing_chain has it.
+function chain.believed(rig, sigmas)
+  local model, uncertainty = rig:model(), { axis_turn = chain.axis_turn }
+  for name, sigma in pairs(sigmas or {}) do
+    uncertainty[name] = sigma
+  end
   return rig:eye():viewing_chain {
     microscope = model.microscope,
     body = { shape = "spheroid", half_length = model.robot.half_length, radius = model.robot.radius },
     pixel = model.pixel,
     center = model.center_px,
     plate_ratio = model.robot_plate_ratio,
-    uncertainty = { axis_turn = chain.axis_turn },
+    uncertainty = uncertainty,
   }
 end
 

@@ -64,6 +64,10 @@ TEST(ChainSessions, TheNextRunOnTheSameBenchLocatesByTheChainThatWasInstalled) {
       results_in(place, std::string("run localize_spiral --frames top_camera") + kSpiral);
   EXPECT_LT(spiral["mean_error_x_robot_x"], 60e-6);
   EXPECT_LT(spiral["mean_error_z_robot_x"], 150e-6);
+  // Of what the simulator draws beside the eye's numbers, and no more: with the whole chain's doubt
+  // it would be 0.2 mm, and an error below the bound of the information.
+  EXPECT_LT(spiral["bound_z_robot_x"], 110e-6);
+  EXPECT_GT(spiral["bound_z_robot_x"], 30e-6);
   EXPECT_GT(spiral["within_95_x_robot_x"], 0.7);
   EXPECT_GT(spiral["within_95_z_robot_x"], 0.7);
   // No side camera shows the retina, from which the loop's square keeps away.

@@ -203,7 +203,7 @@ class Run {
     if (surface_->at(measured.position)->nearest().distance <= kFree)
       watch.forget();
     else
-      watch.measured(measured.time, measured.position, measured.covariance, Eigen::Matrix3d::Zero(),
+      watch.measured({measured.time, measured.position, measured.covariance},
                      step.estimate ? step.estimate->delay : 0);
     watch.commanded(time, told_, controller.drag_at(measured.position).inverse());
     return !watch.fault().empty() || watch.standing();
