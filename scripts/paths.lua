@@ -23,6 +23,28 @@ function paths.rectangle(options)
   return points
 end
 
+--- The largest rectangle up to the one asked for (options as paths.rectangle has them, and `speed`) that the servo takes, in
+--- steps of a twentieth, and half of it at least: of a bench that was set up by hand retina and view stand where they may be.
+--- Returns its corners, and the part of it that it is. Where a part is left out the record says why.
+function paths.largest_rectangle(run, servo, options)
+  local why
+  for part = 20, 10, -1 do
+    local corners = paths.rectangle {
+      width = options.width * part / 20,
+      depth = options.depth * part / 20,
+      center = options.center,
+      laps = options.laps,
+    }
+    local refused = servo:refusal(corners, { speed = options.speed })
+    if not refused then
+      if why then run:note(("the square is %d %% of what was asked for: %s"):format(5 * part, why)) end
+      return corners, part / 20
+    end
+    why = why or refused
+  end
+  error(why, 0)
+end
+
 --- The corners of a square, as paths.rectangle gives them.
 function paths.square(options)
   return paths.rectangle {

@@ -63,6 +63,8 @@ class Servo {
   /// many snapshots evenly along the way. Throws std::invalid_argument for a position out of reach,
   /// or nearer to a wall than the keep-out margin, and then goes on as before.
   void follow(const control::Trajectory& path, int pictures = 0);
+  /// Why follow() would refuse it now; empty: it would not.
+  std::string refusal(const control::Trajectory& path) const;
   /// Holds a position from the next tick on. One that moves (m/s) goes on for kMovingHold s, and
   /// rests there unless it was said anew: a script that falls silent sends the robot nowhere.
   /// Throws as follow.
@@ -98,7 +100,7 @@ class Servo {
   Eigen::Vector3d mean_correction(double duration) const;
   /// Added to every position that the top camera finds (m, world): the localization's bias, as it
   /// was found at a known position. From the loop's next turn on. Throws std::invalid_argument for
-  /// one that is not finite, or above 1 mm.
+  /// one that is not finite, or above 3 mm.
   void set_offset(const Eigen::Vector3d& offset);
   Eigen::Vector3d offset() const;
   /// Of the law estimator with the gains in use; nothing for other laws, and before it has

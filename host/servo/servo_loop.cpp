@@ -410,11 +410,16 @@ void Servo::Loop::publish(const Frame& frame, const control::Reference& target,
                                                                   : ServoState::holding;
 }
 
-void Servo::Loop::set_goal(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
+void Servo::Loop::check_goal(const control::Trajectory& path) const {
   check_reach(rig.model, path, status.position);
   if (!settings.may_touch) surface.check(path);
   if (looks(settings.feedback) || settings.stays_in_sight)
-    check_visible(rig.model, rig.top_camera->info(), settings.view.image_scale, path);
+    check_visible(rig.model, rig.top_camera->info(),
+                  {settings.view.image_scale, offset, settings.axis}, path);
+}
+
+void Servo::Loop::set_goal(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
+  check_goal(path);
   reference = {path, reference.begin};
   starting = true;
   goal = path.at(path.duration()).position;

@@ -90,6 +90,8 @@ struct Servo::Loop {
   /// "searching" and "lost" outrank the mode: no path is being followed that cannot be seen.
   void publish(const Frame& frame, const control::Reference& target, const Observation& observation,
                const ControlStep& step);
+  /// Throws std::invalid_argument naming a place out of reach or of sight, or too near to a wall.
+  void check_goal(const control::Trajectory& path) const;
   /// Checked before anything is changed, so a path that is refused leaves the loop as it was.
   void set_goal(Mode wanted, const control::Trajectory& path, int wanted_pictures);
   /// A robot that is laid on the retina on purpose; the record says so.

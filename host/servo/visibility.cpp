@@ -11,23 +11,28 @@
 namespace vitreo {
 namespace {
 
-/// Where positions (m, world) appear in the image.
+/// Where a robot at positions (m, world) appears in the image.
 class PathView {
  public:
-  PathView(const RigModel& model, double image_scale)
-      : eye_in_world_(model.eye_in_world),
+  PathView(const RigModel& model, const SightedAs& sighted)
+      : to_eye_(model.eye_in_world + sighted.offset),
+        axis_(sighted.axis),
         plain_(model.plain_view),
         view_(pose_settings_of(model)) {
-    view_.image.pixel *= image_scale;
+    view_.image.pixel *= sighted.image_scale;
   }
-  // The aerial image m is inverted, a plain view's as any other (ImageScale).
+  // The aerial image m is inverted, a plain view's as any other (ImageScale). Through the eye the
+  // whole outline has to be shown: without its end a robot is not localized.
   std::optional<Eigen::Vector2d> at(const Eigen::Vector3d& position) const {
     if (plain_) return view_.image.pixel_from_m(-position.head<2>());
-    return optics::shown_at(view_, position - eye_in_world_);
+    const Eigen::Vector3d in_eye = position - to_eye_;
+    if (!optics::project_spheroid(view_, in_eye, axis_)) return std::nullopt;
+    return optics::shown_at(view_, in_eye);
   }
 
  private:
-  Eigen::Vector3d eye_in_world_;
+  Eigen::Vector3d to_eye_;
+  Eigen::Vector3d axis_;
   bool plain_;
   optics::PoseSettings view_;
 };
@@ -35,10 +40,10 @@ class PathView {
 }  // namespace
 
 /// One position out of sight refuses the whole path, before anything moves.
-void check_visible(const RigModel& model, const CameraInfo& camera, double image_scale,
+void check_visible(const RigModel& model, const CameraInfo& camera, const SightedAs& sighted,
                    const control::Trajectory& path) {
   constexpr int kAsked = 200;  // positions along the way
-  const PathView shown(model, image_scale);
+  const PathView shown(model, sighted);
   for (int i = 0; i <= kAsked; ++i) {
     const Eigen::Vector3d position = path.at(path.duration() * i / kAsked).position;
     const auto pixel = shown.at(position);

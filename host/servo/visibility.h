@@ -6,12 +6,20 @@
 #include "devices/roles/camera.h"
 #include "host/rig/rig.h"
 
+#include <Eigen/Core>
+
 namespace vitreo {
 
-/// Throws std::invalid_argument naming the first position of the path (world) that the model's
-/// optics show outside of the camera's picture, or not at all. `image_scale`: of the view's
-/// calibration.
-void check_visible(const RigModel& model, const CameraInfo& camera, double image_scale,
+/// How a loop takes the top camera's picture.
+struct SightedAs {
+  double image_scale = 1;           // of the view's calibration
+  Eigen::Vector3d offset{0, 0, 0};  // m, that is added to what the optics find
+  Eigen::Vector3d axis{1, 0, 0};    // of the robot, unit, world
+};
+
+/// Throws std::invalid_argument naming the first position of the path (world) whose robot the
+/// model's optics show outside of the camera's picture (its middle), or not whole, or not at all.
+void check_visible(const RigModel& model, const CameraInfo& camera, const SightedAs& sighted,
                    const control::Trajectory& path);
 
 }  // namespace vitreo

@@ -41,17 +41,23 @@ void add_direction_options(std::vector<Argument>& keys) {
                   .help = "fastest of the axis' turn (0.35 rad/s)"});
 }
 
-/// Of go_to. Speed and acceleration are limits, not what is reached on a short way.
+/// Speed and acceleration are limits, not what is reached on a short way.
+std::vector<Argument> limits_options() {
+  return {number_option("speed", "m/s", 1e-6, 10e-3, "along the way (0.5 mm/s)"),
+          number_option("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)")};
+}
+
+/// Of go_to.
 std::vector<Argument> travel_options() {
   const auto number = number_option;
-  std::vector<Argument> keys = {
-      number("speed", "m/s", 1e-6, 10e-3, "along the way (0.5 mm/s)"),
-      number("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)"),
-      number("within", "m", 1e-6, 10e-3, "how near is there (100 µm)"),
-      number("settle", "s", 0, 600, "how long it must stay there (0.5 s)"),
-      number("timeout", "s", 0, 3600, "how long it may take (twice the way's time and 20 s)"),
-      number("within_angle", "rad", 1e-3, 1,
-             "how near the axis is to its direction, where it is measured (3 degrees)")};
+  std::vector<Argument> keys = limits_options();
+  for (Argument& key : std::vector<Argument>{
+           number("within", "m", 1e-6, 10e-3, "how near is there (100 µm)"),
+           number("settle", "s", 0, 600, "how long it must stay there (0.5 s)"),
+           number("timeout", "s", 0, 3600, "how long it may take (twice the way's time and 20 s)"),
+           number("within_angle", "rad", 1e-3, 1,
+                  "how near the axis is to its direction, where it is measured (3 degrees)")})
+    keys.push_back(std::move(key));
   add_direction_options(keys);
   return keys;
 }
@@ -348,6 +354,12 @@ std::vector<Binding> steering_rows() {
        "returns the time it took",
        follow,
        "servo:follow({ { 0, 0, 0 }, { 0.5 * mm, 0, 0 } }, { speed = 1 * mm / s })"},
+      {"refusal",
+       {path, options_of(limits_options())},
+       Returned("text").or_nil("it would be taken"),
+       "why follow would refuse a way now, before anything moves",
+       refusal,
+       "servo:refusal({ { 0, 0, 0 }, { 0.5 * mm, 0, 0 } }, { speed = 1 * mm / s })"},
       {"hold",
        {place, options_of({{.name = "velocity",
                             .type = Type::vector,
@@ -402,7 +414,7 @@ std::vector<Binding> steering_rows() {
        set_trim,
        "servo:set_trim(servo:status().trim + servo:force_for { 0, 0, 10 * um / s })"},
       {"set_offset",
-       {{.name = "offset", .type = Type::vector, .unit = "m", .help = "at most 1 mm long"}},
+       {{.name = "offset", .type = Type::vector, .unit = "m", .help = "at most 3 mm long"}},
        "",
        "sets what is added to each place that the top camera finds (status().offset): its bias "
        "at a known place",

@@ -453,6 +453,13 @@ int servo_calls::follow(Call& call) {
   return call.wait(std::move(wait));
 }
 
+int servo_calls::refusal(Call& call) {
+  const std::string why = call.self<Servo>().refusal(way_of(call));
+  if (!why.empty()) return call.result(why);
+  lua_pushnil(call.L);
+  return 1;
+}
+
 // A robot that was lost is searched anew: a person may have put it back.
 int servo_calls::hold(Call& call) {
   if (call.self<Servo>().status().state != ServoState::lost) throw_if_troubled(call.self<Servo>());

@@ -20,6 +20,7 @@ int let_fall(Call& call);
 int wait_until_tracked(Call& call);
 int go_to(Call& call);
 int follow(Call& call);
+int refusal(Call& call);
 int hold(Call& call);
 int release(Call& call);
 int snapshot(Call& call);

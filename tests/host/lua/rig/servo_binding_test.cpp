@@ -129,8 +129,8 @@ TEST_F(ServoBinding, RefusesWrongArguments) {
   expect_all(run("servo:position()").error, {"servo:position: the robot is not seen"});
   expect_all(run("servo:set_trim()").error,
              {"servo:set_trim: force: is missing; wants a force {x, y, z} in N"});
-  expect_all(run("servo:set_offset({0, 0, 2e-3})").error,
-             {"servo:set_offset: offset: wants at most 1 mm, got 2 mm"});
+  expect_all(run("servo:set_offset({0, 0, 4e-3})").error,
+             {"servo:set_offset: offset: wants at most 3 mm, got 4 mm"});
   expect_all(run("servo:close() rig:servo { background = background, dead_coils = { 1.5 } }").error,
              {"rig:servo: dead_coils: wants numbers of coils, 1 to ", "got 1.5"});
 }
