@@ -107,8 +107,7 @@ local function square(rig, run, servo, p)
   -- 0.6 mm up: as in servo_square, the lower corners keep the margin from the retina.
   -- About the middle of what the top camera shows: of a bench that was set up by hand that is a millimeter aside.
   local middle = vector(servo:status().offset.x, 0, 0.6 * mm) + retina.room(rig)
-  local corners =
-    paths.largest_rectangle(run, servo, { width = p.width, depth = p.depth, center = middle, speed = p.speed })
+  local corners = paths.largest_rectangle(run, servo, { width = p.width, depth = p.depth, center = middle, speed = p.speed })
   servo:go_to(corners[1], { within = 1 * mm, settle = 0, timeout = 60 * s })
   run:wait(p.settle)
   local span = { from = run:now() }

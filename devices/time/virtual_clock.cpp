@@ -143,7 +143,7 @@ class VirtualClock final : public Clock, public TurnSharing {
   std::atomic<Alone> alone_state_{Alone::none};
   std::atomic<std::int64_t> alone_since_{0};  // ns of the steady clock; 0: no task is alone
   std::uint64_t turns_ = 0;                   // how often the baton was handed over
-  clockid_t alone_processor_{};               // its own processor time
+  std::atomic<clockid_t> alone_processor_{};  // its own processor time
   // The one whose turn went to the others while it is alone.
   std::atomic<VirtualEntry*> away_{nullptr};
   std::atomic<bool> reclaimed_{false};  // it wants its turn back
@@ -253,7 +253,9 @@ bool VirtualClock::begin_alone() {
   if (pace_ != Pace::real_time || alone_ != nullptr) return false;
   VirtualEntry& self = running();
   alone_ = &self;
-  pthread_getcpuclockid(pthread_self(), &alone_processor_);
+  clockid_t processor{};
+  pthread_getcpuclockid(pthread_self(), &processor);
+  alone_processor_ = processor;
   const std::int64_t wall = steady_now();
   alone_since_ = wall;
   alone_state_ = Alone::with_baton;

@@ -72,6 +72,18 @@ RobotClearance::RobotClearance(const RigModel& rig, const ClearanceBelief& belie
   look_helps_ = bench.by_hand && belief.through_eye && !model.plain_view && !belief.calibrated;
 }
 
+/// m^2, of a height, after a look at another place than the vertex. A picture that is aside by d
+/// has the retina at p lower by d p / R than it is seen, and so it has the place q of the look, of
+/// which the view makes what is believed there: what is left is d (p - q) / R, where the wall's
+/// normal at p knows of d p / R.
+double RobotClearance::by_other_place(const Eigen::Vector3d& in_eye) const {
+  if (!belief_.calibrated) return 0;
+  const Eigen::Vector2d here = in_eye.head<2>();
+  const Eigen::Vector2d away = here - belief_.looked_at.head<2>();
+  return std::pow(doubt_.aside / model_.eye.radius, 2) *
+         std::max(0.0, away.squaredNorm() - here.squaredNorm());
+}
+
 std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& position,
                                                      const Eigen::Matrix3d& covariance) const {
   if (!model_.there || !position.allFinite() || !covariance.allFinite()) return std::nullopt;
@@ -80,6 +92,7 @@ std::optional<control::Clearance> RobotClearance::at(const Eigen::Vector3d& posi
   // eye's frame, which is parallel to the world's.
   pose.covariance += by_attitude_;
   pose.covariance += doubt_.covariance(position - model_.eye_in_world);
+  pose.covariance(2, 2) += by_other_place(position - model_.eye_in_world);
   pose.covariance += eye_sigma_ * eye_sigma_ * Eigen::Matrix3d::Identity();
   control::Clearance found = control::clearance(model_.body, model_.eye, pose);
   found.retina.distance -= felt_retina_;

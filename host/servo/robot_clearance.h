@@ -22,7 +22,8 @@ struct ClearanceBelief {
   Eigen::Vector3d axis{1, 0, 0};                                // unit, world
   double axis_sigma = std::numeric_limits<double>::infinity();  // rad
   bool through_eye = true;                                      // positions come by the top camera
-  bool calibrated = false;  // on the retina (ServoSettings::view)
+  bool calibrated = false;             // on the retina (ServoSettings::view)
+  Eigen::Vector3d looked_at{0, 0, 0};  // m, eye frame: where the robot lay then
 };
 
 class RobotClearance {
@@ -53,6 +54,7 @@ class RobotClearance {
   void felt(bool lens, double distance);
 
  private:
+  double by_other_place(const Eigen::Vector3d& in_eye) const;
   struct Walls {
     double margin = 0;
     bool there = false;

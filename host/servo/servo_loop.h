@@ -90,8 +90,7 @@ struct Servo::Loop {
   /// "searching" and "lost" outrank the mode: no path is being followed that cannot be seen.
   void publish(const Frame& frame, const control::Reference& target, const Observation& observation,
                const ControlStep& step);
-  /// Throws std::invalid_argument naming a place out of reach or of sight, or too near to a wall.
-  void check_goal(const control::Trajectory& path) const;
+  void check_goal(const control::Trajectory& path) const;  // throws as Servo::follow
   /// Checked before anything is changed, so a path that is refused leaves the loop as it was.
   void set_goal(Mode wanted, const control::Trajectory& path, int wanted_pictures);
   /// A robot that is laid on the retina on purpose; the record says so.
@@ -101,7 +100,6 @@ struct Servo::Loop {
   /// The end of the loop: zero current, and the interlock open after a failure until it is enabled
   /// again. A failure of that does not hide the first one.
   void shut(ServoState state, const std::string& failure);
-
   Clock& clock;
   Rig& rig;
   Recorder& recorder;

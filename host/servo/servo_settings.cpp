@@ -44,6 +44,7 @@ ClearanceBelief ServoSettings::clearance_belief() const {
   belief.axis_sigma = std::max(axis_uncertainty(), kLeastAxisSigma);
   belief.through_eye = feedback != Feedback::pose_sensor || by_pose;
   belief.calibrated = view.corrects();
+  belief.looked_at = view.looked_at;
   return belief;
 }
 

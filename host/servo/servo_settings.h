@@ -55,6 +55,7 @@ struct ViewCorrection {
   Eigen::Vector3d offset{0, 0, 0};  // m, added to the position found
   /// The most probable one. Shared: settings are copied, and a projection is a large table.
   std::shared_ptr<const CorrectedEye> eye{};
+  Eigen::Vector3d looked_at{0, 0, 0};  // m, eye frame: where the robot lay then
   /// Whether anything is corrected: then the robot was seen on the retina, and a measured chain,
   /// which holds the optics otherwise, is done without.
   bool corrects() const { return image_scale != 1 || !offset.isZero() || eye; }

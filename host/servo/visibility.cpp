@@ -21,12 +21,14 @@ class PathView {
         view_(pose_settings_of(model)) {
     view_.image.pixel *= sighted.image_scale;
   }
-  // The aerial image m is inverted, a plain view's as any other (ImageScale). Through the eye the
-  // whole outline has to be shown: without its end a robot is not localized.
+  // The aerial image m is inverted, a plain view's as any other (ImageScale). Through the eye both
+  // ends have to be shown too: without one a robot is not localized.
   std::optional<Eigen::Vector2d> at(const Eigen::Vector3d& position) const {
     if (plain_) return view_.image.pixel_from_m(-position.head<2>());
     const Eigen::Vector3d in_eye = position - to_eye_;
-    if (!optics::project_spheroid(view_, in_eye, axis_)) return std::nullopt;
+    const Eigen::Vector3d end = view_.robot.semi_axis * axis_;
+    if (!optics::shown_at(view_, in_eye + end) || !optics::shown_at(view_, in_eye - end))
+      return std::nullopt;
     return optics::shown_at(view_, in_eye);
   }
 

@@ -257,6 +257,11 @@ int calibrate(Call& call) {
   if (correction == "eye")
     made.image_scale = after->settings.image.pixel / before.settings.image.pixel;
   after->offset += made.offset;
+  settings.projection = after->settings.projection;
+  settings.exact = after->settings.exact;
+  settings.image = after->settings.image;
+  if (const auto lay = optics::first_guess(settings, seen.ellipse, *how.vector("axis")))
+    after->looked_at = *lay + after->offset;
   ResultTable table(call);
   push_handle(call.L, localizer_class(), after);
   table.top("localizer");

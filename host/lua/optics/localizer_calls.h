@@ -13,8 +13,9 @@ struct Localizer {
   Eigen::Vector3d offset{0, 0, 0};  // m, of a calibration, added to what is found
   optics::Prescription eye{};       // that the projection was made of
   optics::Microscope microscope{};
-  bool eye_calibrated = false;  // `eye` is the most probable one by a look
-  double robot_length = 1;      // factors by which the robot of that look is larger than stated
+  Eigen::Vector3d looked_at{0, 0, 0};  // m, eye frame: where the robot of that look lay
+  bool eye_calibrated = false;         // `eye` is the most probable one by a look
+  double robot_length = 1;  // factors by which the robot of that look is larger than stated
   double robot_width = 1;
 };
 

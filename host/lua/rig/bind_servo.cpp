@@ -487,6 +487,7 @@ int open_servo(Call& call) {
   if (call.push_option("view")) {
     const auto& view = call.handle_option<localizer_calls::Localizer>("view");
     settings.view = {view.settings.image.pixel / session.rig.model.top_image.pixel, view.offset};
+    settings.view.looked_at = view.looked_at;
     if (view.eye_calibrated)
       settings.view.eye = std::make_shared<CorrectedEye>(
           CorrectedEye{view.eye.system, view.settings.projection, view.settings.exact,

@@ -16,7 +16,6 @@ struct ApproachSetting {
   bool perturbed_eye = false;  // off by table 5.1; the rig says that it may be
   bool sampled_bench = false;  // truth.optics.bench; the rig says that it was set up by hand,
   bool told = true;            // or that it is known
-  bool calibrated = false;     // on the retina first, as a protocol does
   Feedback feedback = Feedback::one_camera;
   ControlLaw law = ControlLaw::estimator;
   double margin = 0.2e-3;  // m

@@ -68,8 +68,36 @@ TEST(Reach, AWayOutFromBehindTheRetinaIsInTheCamerasSight) {
   const auto from = [&](double z) {
     return control::Trajectory::line({0.5 * kMm, 0, z}, inside, kSlow);
   };
-  EXPECT_NO_THROW(check_visible(model, camera, 1, from(-5.6 * kMm)));
-  EXPECT_THROW(check_visible(model, camera, 1, from(-8 * kMm)), std::invalid_argument);
+  EXPECT_NO_THROW(check_visible(model, camera, {}, from(-5.6 * kMm)));
+  EXPECT_THROW(check_visible(model, camera, {}, from(-8 * kMm)), std::invalid_argument);
+}
+
+// What is added to a place found is taken off before it is asked where it shows; and of a robot
+// that is shown to its middle alone the outline is none.
+TEST(Reach, WhatIsShownIsThePlaceWithoutTheCorrectionAndTheWholeRobot) {
+  RigModel model = eye_model();
+  model.top_image.center_px = {2000, 2000};
+  CameraInfo camera;
+  camera.width_px = 4000;
+  camera.height_px = 4000;
+  const auto shown = [&](double x, const SightedAs& sighted) {
+    try {
+      check_visible(model, camera, sighted, control::Trajectory::hold_at({x, 0, 2 * kMm}));
+    } catch (const std::invalid_argument&) {
+      return false;
+    }
+    return true;
+  };
+  const auto farthest = [&](const SightedAs& sighted) {
+    double x = 0;
+    while (x < 10 * kMm && shown(x, sighted)) x += 0.01 * kMm;
+    return x;
+  };
+  const double along = farthest({}), upright = farthest({1, {0, 0, 0}, {0, 0, 1}});
+  ASSERT_LT(along, 9 * kMm);
+  EXPECT_NEAR(farthest({1, {0.8 * kMm, 0, 0}, {1, 0, 0}}), along + 0.8 * kMm, 0.02 * kMm);
+  EXPECT_NEAR(farthest({1, {-0.8 * kMm, 0, 0}, {1, 0, 0}}), along - 0.8 * kMm, 0.02 * kMm);
+  EXPECT_GT(upright, along + 0.5 * kMm) << "its end is 1 mm before its middle";
 }
 
 }  // namespace VITREO_TEST_FILE

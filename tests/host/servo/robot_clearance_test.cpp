@@ -169,6 +169,29 @@ TEST(RobotClearance, OfABenchSetUpByHandHasTheRetinasDepthUntilTheRobotWasSeenOn
   EXPECT_LT(uncertainty(by_hand, settings), 0.4 * before);
 }
 
+// The picture of such a bench is a millimeter aside, by which the retina leans otherwise than it is
+// seen: at the place of the look that is put right, and nowhere else.
+TEST(RobotClearance, ALookAsideOfTheMiddleTellsLessOfTheOtherSide) {
+  RigModel by_hand = TestBench().roles().model;
+  by_hand.uncertainty.bench = {};
+  ServoSettings settings;
+  settings.feedback = Feedback::one_camera;
+  settings.view.image_scale = 1.01;
+  const auto uncertainty = [&](double looked_at, double place) {
+    settings.view.looked_at = {looked_at, 0, 0.5e-3};
+    return RobotClearance(by_hand, settings.clearance_belief())
+        .at({place, 0, -3e-3})
+        ->retina.uncertainty;
+  };
+  EXPECT_EQ(uncertainty(-1.2e-3, -1.5e-3), uncertainty(0, -1.5e-3));
+  const double same = uncertainty(0, 0.8e-3), other = uncertainty(-1.2e-3, 0.8e-3);
+  // 0.8 mm aside (one sigma) times 2 mm over a radius of 11.5 mm, at 99 %.
+  EXPECT_GT(other, same + 0.05e-3);
+  EXPECT_NEAR(other * other - same * same,
+              std::pow(2.576 * 0.8e-3 / 11.5e-3, 2) * (std::pow(2e-3, 2) - std::pow(0.8e-3, 2)),
+              0.35 * std::pow(2.576 * 0.8e-3 * 2e-3 / 11.5e-3, 2));
+}
+
 // The way out is in the refusal, where a look would be one.
 TEST(RobotClearance, WhatIsRefusedOfABenchSetUpByHandSaysThatALookWouldHelp) {
   RigModel by_hand = TestBench().roles().model;

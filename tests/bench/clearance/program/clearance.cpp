@@ -1,8 +1,8 @@
 // Benchmark of the clearance: what the loop shows on its way to the retina against the true
 // distance of the true surface, and whether it touches, under faults, at a margin. Usage:
-// clearance_approaches STUDY [first seed] [runs] [margin in mm]; STUDY: lying, upright, perturbed,
-// uncalibrated, driven, faults, camera_faults, sampled, sampled_untold, sampled_upright,
-// sampled_calibrated.
+// clearance_approaches STUDY [first seed] [runs] [margin in mm]; STUDY: lying, upright,
+// uncalibrated, driven, faults, camera_faults, sampled, sampled_untold, sampled_upright. After a
+// look on the retina: calibrated_approaches.py.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/clearance/approach.h"
 
@@ -20,13 +20,9 @@ ApproachSetting setting_of(const std::string& study) {
   ApproachSetting setting;
   setting.sink = true;
   if (study == "upright") setting.upright = true;
-  if (study == "perturbed") setting.perturbed_eye = setting.calibrated = true;
-  if (study == "perturbed_upright")
-    setting.perturbed_eye = setting.calibrated = setting.upright = true;
   if (study.starts_with("sampled")) setting.sampled_bench = true;
   if (study == "sampled_untold") setting.told = false;
   if (study == "sampled_upright") setting.upright = true;
-  if (study == "sampled_calibrated") setting.calibrated = true;
   if (study == "uncalibrated") setting.perturbed_eye = true;
   if (study == "driven" || study == "driven_camera" || study == "faults" ||
       study == "camera_faults")
