@@ -24,11 +24,11 @@ function paths.rectangle(options)
 end
 
 --- The largest rectangle up to the one asked for (options as paths.rectangle has them, and `speed`) that the servo takes, in
---- steps of a twentieth, and half of it at least: of a bench that was set up by hand retina and view stand where they may be.
+--- steps of a twentieth, and three quarters of it at least: of a bench that was set up by hand retina and view stand where they may be.
 --- Returns its corners, and the part of it that it is. Where a part is left out the record says why.
 function paths.largest_rectangle(run, servo, options)
   local why
-  for part = 20, 10, -1 do
+  for part = 20, 15, -1 do
     local corners = paths.rectangle {
       width = options.width * part / 20,
       depth = options.depth * part / 20,

@@ -22,13 +22,20 @@ namespace {
 /// Hands that need no time. What they place is a body of the rig file.
 class SimulatedSampleHandler : public SampleHandler {
  public:
-  SimulatedSampleHandler(Laboratory& laboratory, World& world, Clock& clock)
-      : laboratory_(laboratory), world_(world), clock_(clock) {}
+  SimulatedSampleHandler(Laboratory& laboratory, World& world, std::recursive_mutex& acting,
+                         Clock& clock)
+      : laboratory_(laboratory), world_(world), acting_(acting), clock_(clock) {}
   std::string identity() const override { return "simulated operator's hands"; }
   void insert_robot(const Eigen::Vector3d& near) override {
-    world_.insert_robot(clock_.now(), near);
+    const Time now = clock_.now();
+    const std::lock_guard lock(acting_);
+    world_.insert_robot(now, near);
   }
-  void remove_robot() override { world_.remove_robot(clock_.now()); }
+  void remove_robot() override {
+    const Time now = clock_.now();
+    const std::lock_guard lock(acting_);
+    world_.remove_robot(now);
+  }
   void place_target(const Eigen::Vector3d& position) override {
     laboratory_.move_body("target", position);
   }
@@ -43,6 +50,7 @@ class SimulatedSampleHandler : public SampleHandler {
   static constexpr double kOutOfSight = 0.5;  // m: beyond every field of view
   Laboratory& laboratory_;
   World& world_;
+  std::recursive_mutex& acting_;
   Clock& clock_;
 };
 
@@ -173,9 +181,10 @@ struct Laboratory::State {
         seed(the_seed),
         world(sampled_world(settings, the_seed), seed_for(the_seed, Purpose::world)),
         lens(pololu_tic::make_emulator(homed_motor(given.lens), the_clock)),
-        hands(owner, world, the_clock),
+        hands(owner, world, acting, the_clock),
         probe(
-            given.probe, world,
+            given.probe,
+            [this](Time time, const Eigen::Vector3d& position) { return field(position, time); },
             [this] {
               return probe_position ? probe_position(clock.now()) : Eigen::Vector3d(0, 0, 0);
             },
@@ -304,10 +313,16 @@ struct Laboratory::State {
         look_of(settings), seed_for(seed, Purpose::side_noise));
   }
 
+  Eigen::Vector3d field(const Eigen::Vector3d& position, Time time) {
+    const std::lock_guard lock(acting);
+    return world.field(time, position).head<3>();
+  }
+
   /// Bodies at the start and the end of the exposure, the middle of which is `exposed`.
   /// Only the robot is smeared: the other bodies are drawn as they are in the middle of the
   /// exposure.
   std::vector<DrawnBody> bodies_seen(const CameraSettings& camera, Time exposed) {
+    const std::lock_guard lock(acting);
     const Time half = from_seconds(camera.exposure / 2);
     std::vector<DrawnBody> bodies;
     const auto shifted = [this](BodyState state) {
@@ -328,6 +343,7 @@ struct Laboratory::State {
   /// What the amplifiers give: set-points clamped by the injected saturation, none where one is cut
   /// off.
   void drive(Time now, control::Currents commands) {
+    const std::lock_guard lock(acting);
     if (commands.size() == 0) return;  // nothing was set yet
     set_points = commands;
     for (int channel = 1; channel <= commands.size(); ++channel) {
@@ -354,6 +370,9 @@ struct Laboratory::State {
   control::Currents set_points;  // A, of the amplifiers; as they were told
   std::function<double(Time)> sensor_position, sensor_angle;
   std::function<Eigen::Vector3d(Time)> probe_position;
+  /// Of the world and what it is told. Tasks take turns, but a watchdog zeroes the coils from a
+  /// thread of its own while a task computes. Nothing that waits for the clock is done under it.
+  std::recursive_mutex acting;
   World world;
   std::unique_ptr<pololu_tic::Emulator> lens;
   SimulatedSampleHandler hands;
@@ -456,11 +475,13 @@ void Laboratory::drive_coils(Time now, const std::vector<double>& currents) {
 }
 
 void Laboratory::set_enable_line(bool high) {
-  state_->world.set_enable_line(state_->clock.now(), high);
+  const Time now = state_->clock.now();
+  const std::lock_guard lock(state_->acting);
+  state_->world.set_enable_line(now, high);
 }
 
 Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& position, Time time) {
-  return state_->world.field(time, position).head<3>();
+  return state_->field(position, time);
 }
 
 void Laboratory::use_field(const control::FieldModel& field) {
@@ -476,6 +497,7 @@ void Laboratory::use_field(const control::FieldModel& field) {
 }
 
 void Laboratory::redraw(std::uint64_t seed) {
+  const std::lock_guard lock(state_->acting);
   state_->machine_seed = seed;
   ++state_->machines;
   state_->world = World(sampled_world(state_->settings, seed), seed_for(seed, Purpose::world));
@@ -504,13 +526,15 @@ void Laboratory::change(const control::Robot& robot, const std::optional<control
 
 void Laboratory::move_body(const std::string& name, const Eigen::Vector3d& position) {
   State& state = *state_;
+  const Time now = state.clock.now();
+  const std::lock_guard lock(state.acting);
   std::vector<BodySettings>& bodies = state.settings.world.bodies;
   for (std::size_t k = 0; k < bodies.size(); ++k) {
     if (bodies[k].name != name) continue;
     if (!position.allFinite())
       throw std::invalid_argument("position: of '" + name + "' is not finite");
     bodies[k].position = position;
-    state.world.place_body(state.clock.now(), k, position);
+    state.world.place_body(now, k, position);
     return;
   }
   throw std::invalid_argument("body: the rig file has none called '" + name + "'");
@@ -533,6 +557,7 @@ cv::Mat Laboratory::side_image(Time exposed, std::uint64_t number) {
 }
 
 std::optional<Truth> Laboratory::truth(Time time) {
+  const std::lock_guard lock(state_->acting);
   const BodyState* robot = state_->world.robot(time);
   if (robot == nullptr) return std::nullopt;
   World& world = state_->world;
@@ -541,6 +566,7 @@ std::optional<Truth> Laboratory::truth(Time time) {
 }
 
 CoilTruth Laboratory::coils(Time time) {
+  const std::lock_guard lock(state_->acting);
   World& world = state_->world;
   return {state_->set_points, world.currents(time), world.coil_temperatures(time)};
 }

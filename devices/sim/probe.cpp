@@ -5,6 +5,7 @@
 #include "devices/time/error.h"
 
 #include <cmath>
+#include <utility>
 
 namespace vitreo::sim {
 
@@ -14,12 +15,12 @@ void ProbeSettings::check() const {
   require_not_negative(integration, "probe integration");
 }
 
-SimulatedProbe::SimulatedProbe(const ProbeSettings& settings, World& world,
+SimulatedProbe::SimulatedProbe(const ProbeSettings& settings, Field field,
                                std::function<Eigen::Vector3d()> position, Clock& clock,
                                std::uint64_t seed)
     : info_{{"simulated teslameter", "", ""}, 3, settings.range},
       settings_(settings),
-      world_(world),
+      field_(std::move(field)),
       position_(std::move(position)),
       clock_(clock),
       random_(seed) {
@@ -36,7 +37,7 @@ FieldReading SimulatedProbe::measure(Time timeout) {
     throw DeviceError(DeviceErrorKind::timeout, "field_probe", "a reading takes longer than that");
   }
   clock_.sleep_for(needed);
-  const Eigen::Vector3d field = world_.field(clock_.now(), position_()).head<3>();
+  const Eigen::Vector3d field = field_(clock_.now(), position_());
   FieldReading reading{{}, clock_.now()};
   for (int axis = 0; axis < 3; ++axis)
     reading.field.push_back(field[axis] + settings_.noise * normal_(random_));

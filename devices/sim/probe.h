@@ -3,8 +3,10 @@
 #pragma once
 
 #include "devices/roles/field_probe.h"
-#include "devices/sim/world.h"
 
+#include <Eigen/Core>
+
+#include <cstdint>
 #include <functional>
 #include <random>
 
@@ -17,11 +19,12 @@ struct ProbeSettings {
   void check() const;          // throws std::invalid_argument naming the parameter
 };
 
-/// Three axes, along the world's. It measures the field at the position (m, world) that `position`
-/// returns.
+/// Three axes, along the world's. It measures what `field` (T, at a time and a place) has at the
+/// position (m, world) that `position` returns.
 class SimulatedProbe : public FieldProbe {
  public:
-  SimulatedProbe(const ProbeSettings& settings, World& world,
+  using Field = std::function<Eigen::Vector3d(Time time, const Eigen::Vector3d& position)>;
+  SimulatedProbe(const ProbeSettings& settings, Field field,
                  std::function<Eigen::Vector3d()> position, Clock& clock, std::uint64_t seed);
   const FieldProbeInfo& info() const override { return info_; }
   FieldReading measure(Time timeout) override;
@@ -29,7 +32,7 @@ class SimulatedProbe : public FieldProbe {
  private:
   FieldProbeInfo info_;
   ProbeSettings settings_;
-  World& world_;
+  Field field_;
   std::function<Eigen::Vector3d()> position_;
   Clock& clock_;
   std::mt19937_64 random_;
