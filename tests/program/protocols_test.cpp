@@ -281,6 +281,26 @@ TEST(Views, APlainViewFromAboveServesTwoCamerasAndNotOneAlone) {
   EXPECT_NE(alone.out.find("a plain one from above has no depth"), std::string::npos) << alone.out;
 }
 
+// What a bench that was set up by hand leaves open of its retina is kept from it; what a look would
+// tell is in the record.
+TEST(Hold, WhereTheRobotWasNotSeenOnTheRetinaItsSquareIsSmaller) {
+  const Workplace place;
+  const std::string hold =
+      "run hold settle=0.5s hold=1s speed=2mm/s compare=false --rig sampled_bench --seed 3";
+  const auto part = [&](const std::string& words) {
+    const Spoken spoken = place.vitreo(hold + words);
+    EXPECT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+    const std::string said = spoken.out + spoken.err;
+    const std::size_t told = said.find("the square is ");
+    return std::pair(told == std::string::npos ? 100 : std::stoi(said.substr(told + 14)), said);
+  };
+  const auto [not_looked, why] = part(" calibrate=no");
+  EXPECT_LT(not_looked, part("").first);
+  EXPECT_GE(not_looked, 75);
+  EXPECT_NE(why.find("is out of reach"), std::string::npos) << why;
+  EXPECT_NE(why.find("a look at the robot that lies on the retina"), std::string::npos) << why;
+}
+
 TEST(Hold, OnARigWithOneRealInstrumentThereIsNoPoseSensor) {
   const Workplace place;
   place.write("rig.lua",

@@ -127,15 +127,13 @@ PreflightReport check_hold(const std::string& calibrate) {
       "hold", {"settle=0.5s", "hold=1s", "speed=2mm/s", "compare=false", "calibrate=" + calibrate});
 }
 
-TEST(LaboratoryBench, OfOneSetUpByHandHoldGoesNearTheRetinaOnlyWhenTheRobotWasSeenOnIt) {
-  const PreflightReport looked = check_hold("auto");
-  EXPECT_TRUE(looked.passed()) << looked.problems.front();
-  const PreflightReport not_looked = check_hold("no");
-  ASSERT_FALSE(not_looked.passed());
-  const std::string& problem = not_looked.problems.front();
-  EXPECT_NE(problem.find("is out of reach"), std::string::npos) << problem;
-  EXPECT_NE(problem.find("a look at the robot that lies on the retina"), std::string::npos)
-      << problem;
+// With a look the square is the one that was asked for; without, one that keeps farther away
+// (Hold.WhereTheRobotWasNotSeenOnTheRetinaItsSquareIsSmaller).
+TEST(LaboratoryBench, OfOneSetUpByHandHoldComesToItsEndWithALookAndWithout) {
+  for (const char* calibrate : {"auto", "no"}) {
+    const PreflightReport found = check_hold(calibrate);
+    EXPECT_TRUE(found.passed()) << calibrate << ": " << found.problems.front();
+  }
 }
 
 // The lower right place of thesis table 6.1 is the nearest to a wall that any protocol goes to.
