@@ -154,7 +154,10 @@ class Descent {
   const BodyResiduals& residuals_;
   const FreeParameters& free_;
   Eigen::VectorXd units_;
+  /// Of chi^2, a seventh of a sigma: an outline of many corners is no smoother.
+  static constexpr double kRough = 0.02;
   double damping_ = 1e-3;
+  double promised_ = 0;  // of chi^2, by the last step that was asked for
   bool across_ = false;  // derivatives by differences, which take the mean of both sides of a kink
 };
 
@@ -179,22 +182,20 @@ bool Descent::shortened(const DampedSteps& steps, Minimum& best) {
 /// Convergence by the predicted decrease of a step that is hardly damped: a step that is short
 /// because of its damping is no sign of a minimum.
 Descent::Step Descent::step(Minimum& best) {
-  // of chi^2, a seventh of a sigma: an outline of many corners is no smoother
-  constexpr double kRough = 0.02;
   const auto rows = best.residuals.size();
   const auto jacobian = across_ ? by_differences(residuals_, free_, best.state, rows)
                                 : differentiate(residuals_, free_, best.state, rows);
   if (!jacobian) return Step::outside;  // at the edge of what can be seen
   if (!across_) best.jacobian = *jacobian;
   const DampedSteps steps(*jacobian * units_.asDiagonal(), best.residuals);
-  const double promised = steps.gain(steps.damped(kSlight));
-  if (!(promised > 1e-10 * (1e-2 + best.cost))) return Step::converged;
+  promised_ = steps.gain(steps.damped(kSlight));
+  if (!(promised_ > 1e-10 * (1e-2 + best.cost))) return Step::converged;
   if (shortened(steps, best)) {
     // The loop has raised it once more by 8, so this is a division by 8.
     damping_ = std::fmax(damping_ / 64, 1e-9);
     return Step::better;
   }
-  return promised < kRough ? Step::converged : Step::stuck;
+  return promised_ < kRough ? Step::converged : Step::stuck;
 }
 
 /// Where no step along derivatives that hold is a gain, the cost has a kink: a cylinder across the
@@ -219,7 +220,10 @@ std::optional<Minimum> Descent::from(const BodyState& start, bool roughly) {
     damping_ = 1e-3;
     last = best.iterations + kAlongKink;
   }
-  best.converged = best.converged || across_;
+  // Steps that are too short by a factor that stays go on for ever, and promise less and less: seen
+  // from straight above a level body's pitch is such a valley.
+  const bool crept = best.iterations == kIterations && promised_ < kRough;
+  best.converged = best.converged || across_ || crept;
   if (across_) {
     if (const auto one_side = differentiate(residuals_, free_, best.state, best.residuals.size()))
       best.jacobian = *one_side;
