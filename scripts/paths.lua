@@ -24,8 +24,8 @@ function paths.rectangle(options)
 end
 
 --- The largest rectangle up to the one asked for (options as paths.rectangle has them, and `speed`) that the servo takes, in
---- steps of a twentieth, and three quarters of it at least: of a bench that was set up by hand retina and view stand where they may be.
---- Returns its corners, and the part of it that it is. Where a part is left out the record says why.
+--- steps of a twentieth, and three quarters of it at least: of a bench that was set up by hand retina and view stand where
+--- they may be. Returns its corners, and the part of it that it is. Where a part is left out the record says why.
 function paths.largest_rectangle(run, servo, options)
   local why
   for part = 20, 15, -1 do
