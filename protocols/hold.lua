@@ -266,6 +266,8 @@ return {
     error_plot(run, "Round the square: error against time", squares)
     judged(run, p, found)
     local main = { found.hold[p.law].found.rms, found.square[p.law].found.rms }
-    run:headline(("Held to %s, square followed to %s rms"):format(format_quantity(main[1], "m"), format_quantity(main[2], "m")))
+    local scatter = format_quantity(found.hold[p.law].rest.scatter, "m")
+    local text = "Held within %s, %s from its place; square followed to %s rms"
+    run:headline(text:format(scatter, format_quantity(main[1], "m"), format_quantity(main[2], "m")))
   end,
 }

@@ -23,10 +23,13 @@ function free.trim(servo, tolerance, speed)
   return servo:status().trim
 end
 
--- Whether the loop goes there: false where the robot would come too near to a wall, by what is known of its depth now.
+-- Whether the loop goes there: false where the robot would come too near to a wall, by what is known of its depth now, or where
+-- the camera does not show it whole.
 local function within_reach(servo, place, options)
   local good, problem = pcall(servo.follow, servo, { servo:position(), place }, options)
-  if not good and not tostring(problem):find("is out of reach", 1, true) then error(problem, 0) end
+  local text = tostring(problem)
+  local refused = text:find("is out of reach", 1, true) or text:find("is out of the top camera's sight", 1, true)
+  if not good and not refused then error(problem, 0) end
   return good, problem
 end
 
