@@ -21,15 +21,16 @@ class PathView {
         view_(pose_settings_of(model)) {
     view_.image.pixel *= sighted.image_scale;
   }
-  // The aerial image m is inverted, a plain view's as any other (ImageScale). Through the eye both
-  // ends have to be shown too: without one a robot is not localized.
+  // The aerial image m is inverted, a plain view's as any other (ImageScale).
   std::optional<Eigen::Vector2d> at(const Eigen::Vector3d& position) const {
     if (plain_) return view_.image.pixel_from_m(-position.head<2>());
-    const Eigen::Vector3d in_eye = position - to_eye_;
-    const Eigen::Vector3d end = view_.robot.semi_axis * axis_;
-    if (!optics::shown_at(view_, in_eye + end) || !optics::shown_at(view_, in_eye - end))
-      return std::nullopt;
-    return optics::shown_at(view_, in_eye);
+    return optics::shown_at(view_, position - to_eye_);
+  }
+  // Through the eye both ends have to be shown too: without one a robot is not localized.
+  bool whole_at(const Eigen::Vector3d& position) const {
+    const Eigen::Vector3d in_eye = position - to_eye_, end = view_.robot.semi_axis * axis_;
+    return plain_ ||
+           (optics::shown_at(view_, in_eye + end) && optics::shown_at(view_, in_eye - end));
   }
 
  private:
@@ -46,12 +47,19 @@ void check_visible(const RigModel& model, const CameraInfo& camera, const Sighte
                    const control::Trajectory& path) {
   constexpr int kAsked = 200;  // positions along the way
   const PathView shown(model, sighted);
+  // One that has drifted to where it is not shown whole may be led back.
+  bool was_whole = false;
   for (int i = 0; i <= kAsked; ++i) {
     const Eigen::Vector3d position = path.at(path.duration() * i / kAsked).position;
     const auto pixel = shown.at(position);
     if (pixel && pixel->x() >= 0 && pixel->y() >= 0 && pixel->x() < camera.width_px &&
-        pixel->y() < camera.height_px)
-      continue;
+        pixel->y() < camera.height_px) {
+      const bool whole = shown.whole_at(position);
+      if (whole || !(was_whole || i == kAsked)) {
+        was_whole = was_whole || whole;
+        continue;
+      }
+    }
     throw std::invalid_argument(
         fmt::format("({:.2f}, {:.2f}, {:.2f}) mm is out of the top camera's sight",
                     position.x() * 1e3, position.y() * 1e3, position.z() * 1e3));
