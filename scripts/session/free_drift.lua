@@ -26,11 +26,10 @@ end
 -- Whether the loop goes there: false where the robot would come too near to a wall, by what is known of its depth now, or where
 -- the camera does not show it whole.
 local function within_reach(servo, place, options)
-  local good, problem = pcall(servo.follow, servo, { servo:position(), place }, options)
-  local text = tostring(problem)
-  local refused = text:find("is out of reach", 1, true) or text:find("is out of the top camera's sight", 1, true)
-  if not good and not refused then error(problem, 0) end
-  return good, problem
+  local way = { servo:position(), place }
+  local problem = servo:refusal(way, { speed = options.speed, acceleration = options.acceleration })
+  if not problem then servo:follow(way, options) end
+  return not problem, problem
 end
 
 --- An operator brings it near the place, to `scatter` along each axis, not to it, and not where a wall is too near;
