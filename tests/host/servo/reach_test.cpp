@@ -58,12 +58,23 @@ TEST(Reach, ItMayNotGoFartherOutNorBeLeftThereNorGoOutAgain) {
                std::invalid_argument);
 }
 
-TEST(Reach, AWayOutFromBehindTheRetinaIsInTheCamerasSight) {
-  RigModel model = eye_model();
-  model.top_image.center_px = {320, 240};
+CameraInfo camera_of(int width_px, int height_px) {
   CameraInfo camera;
-  camera.width_px = 640;
-  camera.height_px = 480;
+  camera.width_px = width_px;
+  camera.height_px = height_px;
+  return camera;
+}
+
+/// Its middle on the camera's.
+RigModel seen_by(const CameraInfo& camera) {
+  RigModel model = eye_model();
+  model.top_image.center_px = {camera.width_px / 2.0, camera.height_px / 2.0};
+  return model;
+}
+
+TEST(Reach, AWayOutFromBehindTheRetinaIsInTheCamerasSight) {
+  const CameraInfo camera = camera_of(640, 480);
+  const RigModel model = seen_by(camera);
   const Eigen::Vector3d inside(0, 0, -2 * kMm);
   const auto from = [&](double z) {
     return control::Trajectory::line({0.5 * kMm, 0, z}, inside, kSlow);
@@ -75,11 +86,8 @@ TEST(Reach, AWayOutFromBehindTheRetinaIsInTheCamerasSight) {
 // What is added to a place found is taken off before it is asked where it shows; and of a robot
 // that is shown to its middle alone the outline is none.
 TEST(Reach, WhatIsShownIsThePlaceWithoutTheCorrectionAndTheWholeRobot) {
-  RigModel model = eye_model();
-  model.top_image.center_px = {2000, 2000};
-  CameraInfo camera;
-  camera.width_px = 4000;
-  camera.height_px = 4000;
+  const CameraInfo camera = camera_of(4000, 4000);
+  const RigModel model = seen_by(camera);
   const auto shown = [&](double x, const SightedAs& sighted) {
     try {
       check_visible(model, camera, sighted, control::Trajectory::hold_at({x, 0, 2 * kMm}));
@@ -98,6 +106,13 @@ TEST(Reach, WhatIsShownIsThePlaceWithoutTheCorrectionAndTheWholeRobot) {
   EXPECT_NEAR(farthest({1, {0.8 * kMm, 0, 0}, {1, 0, 0}}), along + 0.8 * kMm, 0.02 * kMm);
   EXPECT_NEAR(farthest({1, {-0.8 * kMm, 0, 0}, {1, 0, 0}}), along - 0.8 * kMm, 0.02 * kMm);
   EXPECT_GT(upright, along + 0.5 * kMm) << "its end is 1 mm before its middle";
+  // One that has drifted there may be led back, and none is led there.
+  const Eigen::Vector3d middle(0, 0, 2 * kMm), aside(along + 0.3 * kMm, 0, 2 * kMm);
+  EXPECT_NO_THROW(
+      check_visible(model, camera, {}, control::Trajectory::line(aside, middle, kSlow)));
+  for (const auto& path : {control::Trajectory::line(middle, aside, kSlow),
+                           control::Trajectory::waypoints({middle, aside, middle}, kSlow)})
+    EXPECT_THROW(check_visible(model, camera, {}, path), std::invalid_argument);
 }
 
 }  // namespace VITREO_TEST_FILE
